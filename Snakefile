@@ -58,6 +58,8 @@ rule all:
 rule everything:  # but the searches for trained methods: what they found is registered
     input:
         [getattr(rules, one.cubes_target).input for one in EXPERIMENTS.values()],
+        [FIGURE(one.stem) for one in PAPER_FIGURES],
+        rules.columns.input,
 
 
 THIS_RUN = WorkflowRun(RESULTS, CONFIG, makeable(), [os.path.relpath(path) for path in CONFIGFILES])

@@ -40,10 +40,7 @@ def _working_precision():
 @pytest.fixture(autouse=True)
 def _registries():
     """Definitions of a config stay in the registries of a process, and later tests would find them."""
-    with (
-        nh.systems.defining(nh.systems.definitions),
-        nh.integrators.defining(nh.integrators.definitions),
-    ):
+    with nh.systems.defining(nh.systems.definitions), nh.integrators.defining(nh.integrators.definitions):
         yield
 
 

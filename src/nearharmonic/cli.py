@@ -16,7 +16,7 @@ from typing import NoReturn, TextIO
 from nearharmonic import __version__
 from nearharmonic.commands import MODULES, Command
 from nearharmonic.errors import FileWriteError, NearharmonicError, SettingError, unknown_name
-from nearharmonic.output.table import printable
+from nearharmonic.output.table import FORMATS, printable, printed
 
 PROGRAM = "nearharmonic"
 #: The module with the subcommands for results, which the library knows by this name alone.
@@ -75,8 +75,6 @@ def _top_parser(words: Sequence[str]) -> argparse.ArgumentParser:
 
 
 def _parser_of(command: str) -> argparse.ArgumentParser:
-    from nearharmonic.output.table import FORMATS
-
     chosen = _command(command)
     description = f"{chosen.HELP[0].upper()}{chosen.HELP[1:]}."
     parser = _Parser(prog=f"{PROGRAM} {command}", description=description, allow_abbrev=False)
@@ -140,7 +138,6 @@ def _run(words: Sequence[str]) -> int:
         _write("")
         return int(end.code or 0)
     from nearharmonic.engine.settings import one_of
-    from nearharmonic.output.table import FORMATS, printed
     from nearharmonic.registry import trusting_only
 
     form = one_of("format", chosen.format, FORMATS)

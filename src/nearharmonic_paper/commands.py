@@ -16,7 +16,7 @@ from nearharmonic.commands import Command
 from nearharmonic.output.table import Answer, printable
 
 if TYPE_CHECKING:
-    from nearharmonic_paper.record.compare import Comparison, Difference
+    from nearharmonic_paper.record.compare import Difference
 
 Argument = tuple[tuple[str, ...], Mapping[str, Any]]
 
@@ -64,15 +64,14 @@ def _verify(chosen: argparse.Namespace) -> Answer:
     found = [{"file": f.file, "fault": f.says, "mend": f.mend} for f in faults(folder)]
     notes = []
     if not found:
-        told = extent(folder)
-        notes = [f"{_counted(told.files, 'file')}, {told.size} bytes: each as its job wrote it, by this code"]
-        if told.not_run:
+        files, size, not_run, others = extent(folder)
+        notes = [f"{_counted(files, 'file')}, {size} bytes: each as its job wrote it, by this code"]
+        if not_run:
             says = "are taken from their recorded code; to compute them: verify"
-            trusting = " ".join(f"--trust {quote(file)}" for file in told.not_run)
-            notes.append(f"coefficients of {', '.join(told.not_run)} {says} {trusting}")
-        if told.of_other_configs:
-            others = _counted(told.of_other_configs, "file")
-            notes.append(f"{others} of runs with another config than the newest run")
+            trusting = " ".join(f"--trust {quote(file)}" for file in not_run)
+            notes.append(f"coefficients of {', '.join(not_run)} {says} {trusting}")
+        if others:
+            notes.append(f"{_counted(others, 'file')} of runs with another config than the newest run")
     if number and found:
         notes.append("no run was integrated again, since there are faults")
     elif number:
@@ -306,7 +305,7 @@ def _remarks(folder: Path, found: dict[str, Any], definitions: dict[str, Any]) -
 
 def _compare(chosen: argparse.Namespace) -> Answer:
     """Return a row for each difference; the status is 1 if there is one."""
-    from nearharmonic_paper.record.compare import compared, save_overlay
+    from nearharmonic_paper.record.compare import compared, same_numbers, save_overlay
     from nearharmonic_paper.record.history import doubts_in
     from nearharmonic_paper.record.manifest import folder_of
 
@@ -315,38 +314,38 @@ def _compare(chosen: argparse.Namespace) -> Answer:
     if chosen.figure is not None:
         second = chosen.b if chosen.b != chosen.a else f"{chosen.b} (again)"  # names in a legend differ
         figure = str(save_overlay({chosen.a: a, second: b}, chosen.figure))
-    found = compared(a, b)
-    left_out = [f"not compared, because they are measured times: {'; '.join(found.left_out)}"] if found.left_out else []
+    differences, left_out = compared(a, b)
+    same = same_numbers(differences)
+    notes = [f"not compared, because they are measured times: {'; '.join(left_out)}"] if left_out else []
     return Answer(
         header=("kind", "where", "a", "b", "unit", "relative", "at", "differ", "of"),
-        rows=[_row_of_difference(difference) for difference in found.differences],
+        rows=[_row_of_difference(difference) for difference in differences],
         document={
             "a": str(a),
             "b": str(b),
-            "identical": found.identical,
-            "same_numbers": found.same_numbers,
-            "differences": [asdict(difference) for difference in found.differences],
-            "left_out": found.left_out,
+            "identical": not differences,
+            "same_numbers": same,
+            "differences": [asdict(difference) for difference in differences],
+            "left_out": left_out,
             "figure": figure,
         },
-        status=0 if found.identical else 1,
-        caption=f"a = {a}, b = {b}: {_summary(found)}",
-        notes=[*left_out, *doubts_in(a), *doubts_in(b)],
+        status=1 if differences else 0,
+        caption=f"a = {a}, b = {b}: {_summary(differences, same)}",
+        notes=[*notes, *doubts_in(a), *doubts_in(b)],
     )
 
 
-def _summary(found: Comparison) -> str:
+def _summary(differences: list[Difference], same: bool) -> str:
     """Return the number of differences of each kind, and the largest relative one, in words."""
-    if found.identical:
+    if not differences:
         return "identical"
-    kinds = Counter(difference.kind for difference in found.differences)
-    counted = ", ".join(f"{number} {kind}" for kind, number in kinds.most_common())
-    told = f"{kinds.total()} differences ({counted})"
-    numbers = [one for one in found.differences if one.relative is not None]
+    kinds = Counter(difference.kind for difference in differences)
+    told = f"{kinds.total()} differences ({', '.join(f'{number} {kind}' for kind, number in kinds.most_common())})"
+    numbers = [one for one in differences if one.relative is not None]
     if numbers:
         largest = max(numbers, key=lambda one: one.relative or 0.0)
         told += f"; largest relative difference {largest.relative:.2g}, {largest.where}"
-    return f"identical numbers; {told} in what made them" if found.same_numbers else told
+    return f"identical numbers; {told} in what made them" if same else told
 
 
 def _row_of_difference(difference: Difference) -> tuple[Any, ...]:

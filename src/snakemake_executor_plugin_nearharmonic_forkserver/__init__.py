@@ -88,9 +88,7 @@ class Executor(RealExecutor):  # type: ignore[misc]
         ours, info = frozen(job), SubmittedJobInfo(job=job)
         self.report_job_submission(info)
         self._running[job.jobid] = info
-        leader = (
-            f"{platform.node()}:{ExecutorSettings.server[0].pid}"  # a job ends with the server, this with Snakemake
-        )
+        leader = f"{platform.node()}:{ExecutorSettings.server[0].pid}"  # which ends with Snakemake, and jobs with it
         environment = {**os.environ, LEADER: leader, **dict.fromkeys(THREADS, str(ours.threads))}
         self._ask((job.jobid, ours.modules, str(Path.cwd()), environment, pickle.dumps(ours)))
 

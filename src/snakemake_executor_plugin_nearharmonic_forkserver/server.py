@@ -18,8 +18,8 @@ from typing import Any
 FIRST = ("nearharmonic_paper.tasks.job", "nearharmonic.core.kernel")
 #: Imported while no job begins or ends, in this order and in small steps, as jobs wait meanwhile.
 PRELOADED = (
-    "nearharmonic.engine.description", "h5py", "mpmath", "nearharmonic.theory", "pandas", "xarray", "matplotlib",
-    "matplotlib.text", "matplotlib.axes", "matplotlib.figure", "matplotlib.backends.backend_pdf",
+    "nearharmonic.engine.trajectory", "h5py", "mpmath", "nearharmonic.theory.oscillator", "pandas", "xarray",
+    "matplotlib", "matplotlib.text", "matplotlib.axes", "matplotlib.figure", "matplotlib.backends.backend_pdf",
     "matplotlib.backends.backend_svg", "PIL.PngImagePlugin", "nearharmonic.plotting.style",
     "nearharmonic_paper.tasks.schema",
 )  # fmt: skip
@@ -61,6 +61,8 @@ def serve(descriptor: int) -> None:
             else:
                 number, modules, *job = request
                 _load(modules)
+                with suppress(Exception):  # the job tells why it cannot be read
+                    pickle.loads(job[-1]).prepare()
                 ended, writable = os.pipe()
                 process = os.fork()
                 if process == 0:

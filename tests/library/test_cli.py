@@ -198,12 +198,7 @@ FULL = "nearharmonic: the answer cannot be written: No space left"
         pytest.param("lis 2>&-", "", 2, marks=pytest.mark.slow),
         pytest.param("lis 2>/dev/full", "", 2, marks=pytest.mark.slow),
         pytest.param("list >/dev/full 2>/dev/full", "", 2, marks=pytest.mark.slow),
-        pytest.param(
-            "--version >/dev/full",
-            FULL,
-            2,
-            marks=pytest.mark.slow,
-        ),
+        pytest.param("--version >/dev/full", FULL, 2, marks=pytest.mark.slow),
     ],
 )
 def test_closed_or_full_stream_ends_in_one_sentence(words, says, status):

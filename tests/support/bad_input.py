@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from time import process_time
 
 from nearharmonic.errors import LONGEST, NearharmonicError
@@ -17,6 +18,20 @@ def check_message(text, says=""):
     assert len(text) <= LONGEST, text
     assert "Traceback" not in text
     assert says in text, text
+
+
+def with_key(config, key, value):
+    """A copy of ``config`` with the dotted ``key`` set to ``value``, or without it."""
+    config = copy.deepcopy(config)
+    *above, last = key.split(".")
+    place = config
+    for step in above:
+        place = place.setdefault(step, {})
+    if value == "<left out>":
+        del place[last]
+    else:
+        place[last] = value
+    return config
 
 
 def refused(call, says=""):

@@ -35,7 +35,7 @@ NEEDED = {
     "fig4": {
         *runs_of("kepler"),
         "cubes/kepler.h5",
-        *figures("fig4_perihelion", "fig5_kepler", "kepler_energy_error"),
+        *figures("fig4_perihelion", "fig5_kepler"),
     },
     "cubes/sho.h5": {*runs_of("sho"), "cubes/sho.h5"},
     "fig6": figures("fig6_substeps"),

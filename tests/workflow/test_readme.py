@@ -21,10 +21,7 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 #: Address of the repository, which stands in one place.
 (ADDRESS,) = re.findall(r"^repository-code: (\S+)$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"), re.MULTILINE)
 #: Pages that the build of the site generates have tests of their own.
-PAGES = (
-    ROOT / "README.md",
-    *sorted(page for page in (ROOT / "docs").glob("**/*.md") if "generated" not in page.parts),
-)
+PAGES = (ROOT / "README.md", *sorted(page for page in (ROOT / "docs").glob("**/*.md") if "generated" not in page.parts))
 #: Pages whose blocks another test runs, which looks at what they find.
 RUN_ELSEWHERE = {"adapters.md", "gallery.md", "stepper.md"}
 #: Those of README that read no results run in test_wall.py.

@@ -108,12 +108,7 @@ def jobs_after_edit(finished, module, more, *arguments):
         ),
         (
             "nearharmonic_paper/experiments/paper/reductions.py",
-            {
-                **{f"draw_{name}": 1 for name in SYSTEMS},
-                "reduce": 3,
-                "skipped": 1,
-                "decide_claims": 1,
-            },
+            {**{f"draw_{name}": 1 for name in SYSTEMS}, "reduce": 3, "skipped": 1, "decide_claims": 1},
         ),
         (
             "nearharmonic_paper/experiments/paper/figures.py",

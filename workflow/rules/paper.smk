@@ -148,7 +148,7 @@ rule paper_tables:
 
 rule figures:
     input:
-        [FIGURE(one.stem) for one in PAPER_FIGURES],
+        [FIGURE(one.stem) for one in PAPER_FIGURES if one.by_default],
 
 
 rule tables:

@@ -17,21 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nearharmonic.core.layout import (
-    COUNTERS,
-    EVERY_STEP,
-    FAILED,
-    ITERATIONS,
-    LAND,
-    LOOKS,
-    NEVER,
-    PROGRESS,
-    RUN,
-    SAMPLES,
-    STOP,
-    Signature,
-    running_rows,
-)
+from nearharmonic.core import layout
 from nearharmonic.engine.kernels import STANDARD, cost_of, kernel_of, physics_of, with_lanes
 from nearharmonic.engine.numbers import moves_of, parameters_at_run_time, standard_parameters, standard_start
 from nearharmonic.engine.settings import DEVICES, Numerics, check_fit, one_of
@@ -107,12 +93,14 @@ class Blocks:
                             bar = tqdm(total=self._steps, unit=" steps", unit_scale=True, leave=False)
                             shown.enter_context(bar)
                         if bar is not None:
-                            bar.update(self._done + sum(int(x[PROGRESS]) for x in self._controls.values()) - bar.n)
+                            bar.update(
+                                self._done + sum(int(x[layout.PROGRESS]) for x in self._controls.values()) - bar.n
+                            )
                     future.result()
             except BaseException:
                 self._stopped = True
                 for state in list(self._controls.values()):
-                    state[STOP] = 1
+                    state[layout.STOP] = 1
                 pool.shutdown(cancel_futures=True)
                 raise
 
@@ -123,7 +111,7 @@ class Blocks:
         # In this order: a stop is seen here, or by the kernel.
         if not self._stopped:
             call()
-        self._done += int(state[PROGRESS])
+        self._done += int(state[layout.PROGRESS])
         del self._controls[key]
 
     def _one(self, i: int) -> None:
@@ -224,8 +212,8 @@ class Filled(SimpleNamespace):
 
 
 #: Arrays of doubles that a call fills, as the kernel declares them, and those with a number or a state a sample.
-_NAMES = [argument.name for argument in RUN.arguments]
-RESULTS = {x.name: x.lengths for x in RUN.arguments[_NAMES.index("control") + 1 : _NAMES.index("left_at")]}
+_NAMES = [argument.name for argument in layout.RUN.arguments]
+RESULTS = {x.name: x.lengths for x in layout.RUN.arguments[_NAMES.index("control") + 1 : _NAMES.index("left_at")]}
 SAMPLED = tuple(name for name, lengths in RESULTS.items() if "samples" in lengths)
 
 
@@ -293,8 +281,8 @@ def evaluations_of(tableau: Tableau, steps: Integers, running: Floats) -> tuple[
     """
     if not tableau.implicit:
         return tableau.evaluations(steps), np.zeros(len(steps), bool)
-    counters = running[:, -COUNTERS:]
-    return tableau.evaluations(counters[:, ITERATIONS].astype(np.int64)), counters[:, FAILED] != 0
+    counters = running[:, -layout.COUNTERS :]
+    return tableau.evaluations(counters[:, layout.ITERATIONS].astype(np.int64)), counters[:, layout.FAILED] != 0
 
 
 def _means(total: Floats, steps: Integers, marks: Integers, numerics: Numerics) -> Floats:
@@ -461,10 +449,14 @@ def prepared_batch(
         )  # fmt: skip
     cost = step.stages * cost_of(system, numerics.compiled, **step.kernel_options)
     runs, d, stages = len(marks), start.shape[1] // 4, step.stages if step.implicit else 0
-    rows = running_rows(d, stages)
+    rows = layout.running_rows(d, stages)
     left_at, control, results = np.zeros(runs, np.int64), np.zeros(2, np.int64), np.empty(doubles(marks.shape, d, rows))
     arrays = views_of(marks, results, left_at, d)
-    measured = {"every": EVERY_STEP, "samples": LOOKS if numerics.look else SAMPLES, "none": NEVER}
+    measured = {
+        "every": layout.EVERY_STEP,
+        "samples": layout.LOOKS if numerics.look else layout.SAMPLES,
+        "none": layout.NEVER,
+    }
     given = vars(arrays) | {
         "measured": measured[numerics.energy], "order": np.argsort(-marks.max(axis=1), kind="stable"), "scheme": scheme,
         "start": start, "parameters": parameters, "limit": surface_limit(system, scale), "scale": scale,
@@ -474,25 +466,25 @@ def prepared_batch(
     }  # fmt: skip
     call: Callable[[], object]
     if system.regularisation is not None:
-        call = landing_call(system, numerics, stages, parameters, _in_order(LAND, given))
+        call = landing_call(system, numerics, stages, parameters, _in_order(layout.LAND, given))
     else:
         given["parameters"] = parameters_at_run_time(system, numerics, parameters, own_frequencies=own_frequencies)
         given["resumed"] = np.empty((0, rows)) if resumed is None else resumed.copy()
         if stages:  # iterations count from the start of a run
-            given["resumed"][:, ITERATIONS - COUNTERS] = 0.0
+            given["resumed"][:, layout.ITERATIONS - layout.COUNTERS] = 0.0
         if numerics.device == "gpu":
             from nearharmonic.engine.device import DeviceCall, gpu, member_kernel
 
             call = DeviceCall(gpu(), member_kernel(system, numerics.compiled, **step.kernel_options), given)
         else:
-            call = kernel_of(system, numerics.compiled, **step.kernel_options).prepared(*_in_order(RUN, given))
+            call = kernel_of(system, numerics.compiled, **step.kernel_options).prepared(*_in_order(layout.RUN, given))
     return Batch(
         numerics=numerics, marks=marks, scheme=scheme, start=start, parameters=given["parameters"], moves=moves,
         results=results, left_at=left_at, control=control, call=call, cost=cost,
     )  # fmt: skip
 
 
-def _in_order(signature: Signature, given: Mapping[str, Any]) -> tuple[Any, ...]:
+def _in_order(signature: layout.Signature, given: Mapping[str, Any]) -> tuple[Any, ...]:
     """Return the arguments of a compiled function that are ``given`` by name, in the order of its declaration."""
     return tuple(given[argument.name] for argument in signature.arguments if argument.name in given)
 

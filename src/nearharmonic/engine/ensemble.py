@@ -11,27 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from nearharmonic.core.layout import COLUMNS, COUNTERS
-from nearharmonic.engine.batch import (
-    Batch,
-    Blocks,
-    Filled,
-    Trajectories,
-    joined,
-    placed,
-    sample_marks,
-    sample_size,
-    shapes,
-    single_steps,
-)
-from nearharmonic.engine.description import (
-    checked_times,
-    over,
-    parameter_variables,
-    problem_attributes,
-    run_at,
-    run_attributes,
-    run_variables,
-)
+from nearharmonic.engine import batch as batches
+from nearharmonic.engine import description
+from nearharmonic.engine.description import over
 from nearharmonic.engine.kernels import most_lanes_of, with_lanes
 from nearharmonic.engine.numbers import parameter_array, rows_of, standard_parameters
 from nearharmonic.engine.settings import KINETIC_POTENTIAL, MOST_THREADS, checked_count, checked_samples, one_of
@@ -126,27 +108,31 @@ def ensemble(
     begin = start_of(problem, q0, p0, parameters, several=True)
     (steps, asked_tau), kept = asked_steps(problem, tau), checked_samples(samples)
     threads, members = checked_count("threads", threads, MOST_THREADS), begin.members
-    problem.numerics = placed(problem.numerics, device, problem.system, problem.tableau, members, members * steps)
-    asked = None if t is None else checked_times(t, problem)
+    problem.numerics = batches.placed(
+        problem.numerics, device, problem.system, problem.tableau, members, members * steps
+    )
+    asked = None if t is None else description.checked_times(t, problem)
     times = None if asked is None else np.array([float(time) for time in asked])
     count = max(2, min(kept, steps + 1)) if asked is None else len(asked)
-    numbers = members * count * sample_size(problem.system.dimension)
+    numbers = members * count * batches.sample_size(problem.system.dimension)
     check_memory(f"the states of {members} members", numbers, count)
     if asked is None:
         paths = _sampled(problem, steps, begin, kept, threads)
     else:
-        parts: dict[int, Trajectories] = {}
+        parts: dict[int, batches.Trajectories] = {}
 
         def compute(block: slice, start: Floats, parameters: Floats) -> None:
             equal = [steps] * (block.stop - block.start)
-            parts[block.start] = run_at(problem, equal, asked, start=start, parameters=parameters)
+            parts[block.start] = description.run_at(problem, equal, asked, start=start, parameters=parameters)
 
         _in_blocks(problem, steps, begin, threads, compute)
-        paths = joined([parts[i] for i in sorted(parts)])
-    attributes = run_attributes(problem, begin, asked_tau) | problem.floor(begin.state, begin.parameters, paths.energy)
-    variables = run_variables(problem, paths, begin, times, steps)
+        paths = batches.joined([parts[i] for i in sorted(parts)])
+    attributes = description.run_attributes(problem, begin, asked_tau) | problem.floor(
+        begin.state, begin.parameters, paths.energy
+    )
+    variables = description.run_variables(problem, paths, begin, times, steps)
     used = variables.pop("tau")
-    renamed = over("member", variables) | parameter_variables(problem, begin.parameters) | {"tau": used}
+    renamed = over("member", variables) | description.parameter_variables(problem, begin.parameters) | {"tau": used}
     coordinates = [name for name in renamed if name.startswith("parameter_")]
     return assembled(renamed, coordinates, attributes)
 
@@ -161,7 +147,7 @@ def _in_blocks(
         block = slice(i * size, min((i + 1) * size, members))
         compute(block, *(rows[block] if len(rows) > 1 else rows for rows in (begin.state, begin.parameters)))
 
-    Blocks(one, -(-members // size), steps=members * steps, cost=problem.cost).execute(threads)
+    batches.Blocks(one, -(-members // size), steps=members * steps, cost=problem.cost).execute(threads)
 
 
 def _block_of(problem: Setup) -> int:
@@ -169,18 +155,18 @@ def _block_of(problem: Setup) -> int:
     return DEVICE_BLOCK if problem.numerics.device == "gpu" else BLOCK
 
 
-def _sampled(problem: Setup, steps: int, begin: Start, samples: int, threads: int) -> Trajectories:
+def _sampled(problem: Setup, steps: int, begin: Start, samples: int, threads: int) -> batches.Trajectories:
     """Return all members, sampled at whole steps; batches of whole blocks are used again."""
-    members, marks, only_end = begin.members, sample_marks(np.array([steps]), samples), samples == 1
+    members, marks, only_end = begin.members, batches.sample_marks(np.array([steps]), samples), samples == 1
     kept = marks[0, only_end:]
     counters = [0, 1] * (problem.system.regularisation is not None) + [*range(-COUNTERS, 0)] * problem.tableau.implicit
-    shown = shapes((members, kept.size), problem.states_dimension, len(counters))
-    arrays = Filled(
+    shown = batches.shapes((members, kept.size), problem.states_dimension, len(counters))
+    arrays = batches.Filled(
         marks=np.broadcast_to(kept, (members, kept.size)), left_at=np.empty(members, np.int64),
         **{name: np.empty(shape) for name, shape in shown.items()},
     )  # fmt: skip
     lanes = replace(problem.numerics, width=most_lanes_of(problem.system, problem.numerics, problem.tableau))
-    moves, free, whole = problem.moves([problem.end / steps]), list[Batch](), _block_of(problem)
+    moves, free, whole = problem.moves([problem.end / steps]), list[batches.Batch](), _block_of(problem)
 
     def compute(block: slice, start: Floats, parameters: Floats) -> None:
         size = block.stop - block.start
@@ -323,7 +309,7 @@ def section(
         orbits = runs(rows[begin : begin + block], tau, problem.t_end, steps + 1)
         found.append(_crossings(step, function, orbits, signs, size, begin))
         ended.append(orbits[["status", "diverged_at"]])
-    attributes = problem_attributes(problem) | parameter_attributes(subject, parameters or {})
+    attributes = description.problem_attributes(problem) | parameter_attributes(subject, parameters or {})
     attributes |= {"direction": direction, "surface_name": function.name, "tau_requested": asked_tau}
     variables = _variables(problem, found, rows, function, constants)
     for name in ("status", "diverged_at"):
@@ -387,7 +373,7 @@ class _ShortenedStep:
         moves = np.zeros((len(sizes), len(flags), COLUMNS))
         fill_all(table, flags, power, sizes, moves.reshape(len(sizes), len(flags) * COLUMNS))
         start = np.concatenate([q, np.zeros_like(q), p, np.zeros_like(p)], axis=1)
-        marks, problem = single_steps(len(sizes)), self._problem
+        marks, problem = batches.single_steps(len(sizes)), self._problem
         numerics = with_lanes(problem.numerics, marks[:, 1], problem.system, problem.tableau)
         batch = problem.batch(moves, marks, np.arange(len(sizes)), start, self._parameters.copy(), numerics)
         batch.run()

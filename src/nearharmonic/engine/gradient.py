@@ -10,15 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from nearharmonic.core.number import Constant
+from nearharmonic.engine import description
 from nearharmonic.engine.batch import Trajectories
-from nearharmonic.engine.description import (
-    error_variables,
-    over,
-    parameter_variables,
-    run_attributes,
-    step_used,
-    without_members,
-)
 from nearharmonic.engine.settings import KINETIC_POTENTIAL
 from nearharmonic.engine.setup import Setup, asked_steps, members_are_given, start_of
 from nearharmonic.engine.tangent import check_differentiable, checked_split, product
@@ -316,18 +309,18 @@ def gradient(
         "p": _of_members(paths.p[:, -1, :d], "momentum at the end", units["p"], "component"),
         "value": _of_members(slopes[-1, :, 0], f"{function.name} at the end", function.unit),
     }
-    errors = over("member", error_variables(paths, problem))
+    errors = description.over("member", description.error_variables(paths, problem))
     errors["evaluations"][1][:] += back.evaluations
     del errors["mean_energy_error"]
     variables |= errors
     if several := members_are_given(q0, p0, parameters, start):
-        variables |= parameter_variables(problem, given)
+        variables |= description.parameter_variables(problem, given)
     else:
-        variables = without_members(variables)
-    variables["tau"] = step_used(problem, count)
+        variables = description.without_members(variables)
+    variables["tau"] = description.step_used(problem, count)
     if subject.parameters:
         variables["parameter"] = ("parameter",), np.array(list(subject.parameters)), described("name of the parameter")
-    attributes = run_attributes(problem, begin, asked_tau) | {"observable": function.name}
+    attributes = description.run_attributes(problem, begin, asked_tau) | {"observable": function.name}
     coordinates = ["parameter", *(name for name in variables if several and name.startswith("parameter_"))]
     return assembled(variables, coordinates, attributes)
 

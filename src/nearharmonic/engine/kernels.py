@@ -8,7 +8,7 @@ from math import isfinite
 from typing import TYPE_CHECKING
 
 from nearharmonic.core.number import Constant
-from nearharmonic.core.tracing import Hamiltonian, Physics
+from nearharmonic.core.tracing import Hamiltonian, Physics, Rules
 from nearharmonic.engine.settings import WIDTH, Numerics
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.collocation import stage_table
@@ -16,7 +16,7 @@ from nearharmonic.integrators.tableau import Composition
 from nearharmonic.numerics.portable import Floats, Integers
 from nearharmonic.systems.formulas import quadratic_T
 from nearharmonic.systems.gradients import check_gradients, frequencies_of, remainder_formulas, square_gradient
-from nearharmonic.systems.numba_potential import numba_potential
+from nearharmonic.systems.numba_potential import numba_potential, rounding_noise
 from nearharmonic.systems.remembered import remembered
 from nearharmonic.systems.system import System
 
@@ -49,8 +49,6 @@ def energy_floor(system: System, scale: float, start: Floats, parameters: Floats
     potential = numba_potential(system)
     if potential is None:
         return {}
-    from nearharmonic.systems.numba_potential import rounding_noise
-
     d, largest = system.dimension, 0.0
     for i, energy in enumerate(H0[:MEMBERS].tolist()):
         if not isfinite(energy):
@@ -111,7 +109,6 @@ def cost_of(system: System, numerics: Numerics, *, modified: bool = False, stage
 def formulas_digest(system: System) -> str:
     """Return a digest of the equations of motion: the instructions of the formulas, with parameters as values."""
     from nearharmonic.core.emission import fingerprint
-    from nearharmonic.core.tracing import Rules
 
     return fingerprint(Rules(physics_of(system), extended=True, compensated=True))
 

@@ -18,15 +18,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from nearharmonic.engine.batch import (
-    Batch,
-    Filled,
-    Trajectories,
-    check_bound,
-    integrate_batch,
-    prepared_batch,
-    trajectories_of,
-)
+from nearharmonic.engine import batch as batches
+from nearharmonic.engine import settings
 from nearharmonic.engine.kernels import check_precision, cost_of, energy_floor, formulas_digest
 from nearharmonic.engine.numbers import (
     array_of,
@@ -37,18 +30,6 @@ from nearharmonic.engine.numbers import (
     standard_parameters,
     standard_start,
     start_array,
-)
-from nearharmonic.engine.settings import (
-    KINETIC_POTENTIAL,
-    OPERATORS,
-    Numerics,
-    check_fit,
-    checked_samples,
-    checked_t_end,
-    checked_tau,
-    exact_decimal,
-    one_of,
-    steps_of,
 )
 from nearharmonic.errors import SystemDefinitionError, bad_setting, warn_caller
 from nearharmonic.integrators import integrators
@@ -177,21 +158,23 @@ class Setup:
         energy: str = "every",
         t_end: float | str | None = None,
         energy_scale: float | str | None = None,
-        split: str = KINETIC_POTENTIAL,
+        split: str = settings.KINETIC_POTENTIAL,
         samples: int = 2,
     ) -> None:
         self.system = (system if isinstance(system, System) else systems[system]).refresh()
         tableau = integrator if isinstance(integrator, OneStepMethod) else integrators[integrator]
-        role = None if first is None else one_of("first", first, OPERATORS)
+        role = None if first is None else settings.one_of("first", first, settings.OPERATORS)
         self.tableau = tableau.role(role)  # type: ignore[arg-type]
-        check_fit(self.system, self.tableau, split)
+        settings.check_fit(self.system, self.tableau, split)
         check_quantities(self.system)
-        check_bound(self.system, standard_start(self.system, False)[None, :], standard_parameters(self.system)[None, :])
-        self.t_end = checked_t_end(self.system.t_end if t_end is None else t_end)
-        self.end = exact_decimal(self.t_end)
+        batches.check_bound(
+            self.system, standard_start(self.system, False)[None, :], standard_parameters(self.system)[None, :]
+        )
+        self.t_end = settings.checked_t_end(self.system.t_end if t_end is None else t_end)
+        self.end = settings.exact_decimal(self.t_end)
         if self.tableau.processed and energy == "every":  # the states between samples are not those of the method
             energy = "samples"
-        self.numerics = Numerics(precision=precision, summation=summation, energy=energy, split=split)
+        self.numerics = settings.Numerics(precision=precision, summation=summation, energy=energy, split=split)
         check_precision(self.system, [precision])
         if self.tableau.implicit and precision == "extended" and self.system.formulas().are_loops:
             what = f"{self.tableau.name} has only double precision for formulas compiled as loops, such as"
@@ -200,7 +183,7 @@ class Setup:
             check_oscillator(self.system)
         asked_scale = self.system.energy_scale if energy_scale is None else energy_scale
         self.scale = self.system.typical_energy if asked_scale is None else checked_scale(asked_scale)
-        self.samples = checked_samples(samples)
+        self.samples = settings.checked_samples(samples)
 
     @property
     def plain(self) -> bool:
@@ -220,7 +203,7 @@ class Setup:
 
     def steps_of(self, tau: object, key: str = "tau") -> int:
         """Return max(1, round(|t_end| / tau))."""
-        return steps_of(self.t_end.lstrip("-"), checked_tau(tau, key), key)
+        return settings.steps_of(self.t_end.lstrip("-"), settings.checked_tau(tau, key), key)
 
     def taus(self, steps: Integers) -> Floats:
         """Return the step sizes as used, rounded once."""
@@ -232,17 +215,17 @@ class Setup:
 
     def batch(
         self, moves: Floats, marks: Integers, scheme: Integers, start: Floats, parameters: Floats,
-        numerics: Numerics | None = None,
-    ) -> Batch:  # fmt: skip
+        numerics: settings.Numerics | None = None,
+    ) -> batches.Batch:  # fmt: skip
         """Return a batch of arrays that :class:`Batch` describes, ready to run, with its own arithmetic and lanes or
         others.
         """
-        return prepared_batch(
+        return batches.prepared_batch(
             self.system, self.tableau, numerics or self.numerics, moves=moves, marks=marks, scheme=scheme, start=start,
             parameters=parameters, scale=self.scale,
         )  # fmt: skip
 
-    def run(self, steps: Sequence[int], samples: int, **given: Any) -> Trajectories:
+    def run(self, steps: Sequence[int], samples: int, **given: Any) -> batches.Trajectories:
         """Integrate one run for each entry of ``steps``; those that are equal in all are computed once.
 
         What is ``given`` further is as for :func:`nearharmonic.engine.batch.integrate_batch`.
@@ -250,7 +233,7 @@ class Setup:
         alike = (given.get(name) for name in ("start", "parameters"))
         same = given.get("marks") is None and all(rows is None or len(rows) == 1 for rows in alike)
         distinct = list(dict.fromkeys(steps)) if same else list(steps)
-        paths = integrate_batch(
+        paths = batches.integrate_batch(
             self.system, self.tableau, t_end=self.end, steps=distinct, samples=samples, numerics=self.numerics,
             scale=self.scale, **given,
         )  # fmt: skip
@@ -259,9 +242,9 @@ class Setup:
         where = {n: i for i, n in enumerate(distinct)}
         return paths.take(np.array([where[n] for n in steps]))
 
-    def trajectories(self, steps: Integers, arrays: Filled) -> Trajectories:
+    def trajectories(self, steps: Integers, arrays: batches.Filled) -> batches.Trajectories:
         """Return the results of runs of so many steps (R,) by name."""
-        return trajectories_of(self.system, self.tableau, steps, arrays, self.numerics, self.scale)
+        return batches.trajectories_of(self.system, self.tableau, steps, arrays, self.numerics, self.scale)
 
     def floor(self, start: Floats, parameters: Floats, H0: Floats) -> dict[str, float]:
         """Return the attribute ``energy_floor``, if energies are measured; arguments as for :func:`energy_floor`."""
@@ -280,7 +263,7 @@ class Setup:
 
 def asked_steps(problem: Setup, tau: object) -> tuple[int, float]:
     """Return the steps of a step size, and the step size that was asked for; warn the caller if the two do not fit."""
-    steps, asked = problem.steps_of(tau), checked_tau(tau)
+    steps, asked = problem.steps_of(tau), settings.checked_tau(tau)
     warn_of_step(problem, [asked], [steps], above=3)
     return steps, asked
 
@@ -443,7 +426,7 @@ def start_of(
             _check_one(key, array)
         elif len(array) not in (1, begin.members):
             raise bad_setting(key, f"{len(array)} rows", f"one row, or one for each of {begin.members} members")
-    check_bound(problem.system, begin.state, begin.parameters)
+    batches.check_bound(problem.system, begin.state, begin.parameters)
     if several:
         parameters_at_run_time(problem.system, problem.numerics, begin.parameters)
     return begin

@@ -12,18 +12,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from nearharmonic.core.layout import ADVANCE, STEP
+from nearharmonic.engine import description
 from nearharmonic.engine.batch import Batch, Trajectories, least_samples, sample_marks, surface_limit, views_of
-from nearharmonic.engine.description import (
-    UNSOLVED,
-    checked_times,
-    error_variables,
-    invariant_variables,
-    over,
-    problem_attributes,
-    run_at,
-    trajectory_dataset,
-    trajectory_variables,
-)
 from nearharmonic.engine.kernels import STANDARD, kernel_of, most_lanes_of, physics_of
 from nearharmonic.engine.numbers import list_of, moves, parameters_at_run_time, standard_parameters, standard_start
 from nearharmonic.engine.settings import KINETIC_POTENTIAL, MOST_TAUS, WIDTH, checked_samples, checked_tau
@@ -84,7 +74,7 @@ class Solution:
     def status(self) -> str:
         """ "ok", "diverged", or "not_converged" if an implicit step could not be solved."""
         if self._diverged_at and self.problem.tableau.implicit and self.trajectories.unsolved[0]:
-            return UNSOLVED
+            return description.UNSOLVED
         return "diverged" if self._diverged_at else "ok"
 
     @property
@@ -157,7 +147,7 @@ class Solution:
     def to_dataset(self) -> xr.Dataset:
         """Return the run as :func:`nearharmonic.integrate` does."""
         begin = self._begin or start_of(self.problem)
-        return trajectory_dataset(self.problem, self.trajectories, begin=begin, asked=self.tau_requested)
+        return description.trajectory_dataset(self.problem, self.trajectories, begin=begin, asked=self.tau_requested)
 
 
 # --- Runs of one method on one system, prepared once for many calls.
@@ -502,13 +492,13 @@ def integrate(
         paths = problem.run([steps], kept, **arrays)
         times = paths.marks * float(problem.end) / paths.steps[:, None] + begin.t if begin.t else None
     else:
-        asked = checked_times(t, problem)
-        paths = run_at(problem, [steps], asked, **arrays)
+        asked = description.checked_times(t, problem)
+        paths = description.run_at(problem, [steps], asked, **arrays)
         times = np.array([float(time) for time in asked]) + begin.t
     _check_start(problem, paths)
     if problem.numerics.energy == "none" and not problem.system.time_dependent:
         _warn_of_plunge(problem, begin.state[0], paths, begin.constants)
-    return trajectory_dataset(problem, paths, begin=begin, asked=asked_tau, times=times)
+    return description.trajectory_dataset(problem, paths, begin=begin, asked=asked_tau, times=times)
 
 
 def sweep(
@@ -591,17 +581,21 @@ def sweep(
     if t is None:
         paths = problem.run(steps, least_samples(problem.tableau), start=begin.state, parameters=begin.parameters)
     else:
-        asked = checked_times(t, problem)
-        paths = run_at(problem, steps, asked, start=begin.state, parameters=begin.parameters, reference=begin.reference)
-        variables = trajectory_variables(problem, paths, begin.constants, np.array([float(time) for time in asked]))
-        variables |= invariant_variables(problem, paths, begin)
+        asked = description.checked_times(t, problem)
+        paths = description.run_at(
+            problem, steps, asked, start=begin.state, parameters=begin.parameters, reference=begin.reference
+        )
+        variables = description.trajectory_variables(
+            problem, paths, begin.constants, np.array([float(time) for time in asked])
+        )
+        variables |= description.invariant_variables(problem, paths, begin)
     _check_start(problem, paths)
-    variables |= error_variables(paths, problem)
-    one = over("tau", variables)
+    variables |= description.error_variables(paths, problem)
+    one = description.over("tau", variables)
     unit = problem.system.units["t"]
     one["tau_requested"] = (("tau",), np.array(requested), described("step size asked for", unit))
     one["tau"] = ("tau",), problem.taus(paths.steps), described("step size", unit)
-    notes = problem_attributes(problem) | begin.attributes()
+    notes = description.problem_attributes(problem) | begin.attributes()
     notes |= problem.floor(begin.state, begin.parameters, paths.energy[:1])
     return assembled(one, ["tau"], notes)
 

@@ -237,7 +237,7 @@ def conditions(degree: int, *, quadratic: bool, potential_degree: int | None = N
     if potential_degree is None:
         vanishing = [_on_lyndon_words(x, degree) for x in _ideal(degree)] if quadratic else []
         within = [{i: c for i, row in enumerate(to_basis) if (c := _dot(row, x))} for x in vanishing]
-        normals = _orthogonal(within, _units(len(to_basis)))
+        normals = _orthogonal(within, _units(len(to_basis))) if quadratic else _units(len(to_basis))
     else:
         elements = [hamiltonian(word) for word in lyndon_words(degree)]
         rows = surviving_rows(elements, potential_degree)
@@ -296,8 +296,7 @@ def _ideal(degree: int) -> tuple[Element, ...]:
     candidates = [bracket({letter: 1}, x) for letter in LETTERS for x in _ideal(degree - 1)]
     for d in range(1, degree // 2 + 1):
         low, high = _potentials(d), _potentials(degree - d)
-        pairs = combinations(low, 2) if 2 * d == degree else product(low, high)
-        candidates += [bracket(x, y) for x, y in pairs]
+        candidates += [bracket(x, y) for x, y in (combinations(low, 2) if 2 * d == degree else product(low, high))]
     return tuple(_independent(candidates, degree))
 
 
@@ -325,8 +324,7 @@ def _orthogonal(before: Sequence[Components], vectors: Iterable[Components]) -> 
     for vector in (*before, *vectors):
         rest = vector
         for other, square in found:
-            along = _dot(rest, other)
-            if along:
+            if not other.keys().isdisjoint(rest) and (along := _dot(rest, other)):
                 rest = _primitive(_combination(square, rest, -along, other))
         if rest:
             found.append((rest, _dot(rest, rest)))
@@ -353,4 +351,4 @@ def _primitive(vector: Components) -> Components:
 
 
 def _dot(x: Components, y: Components) -> int:
-    return 0 if x.keys().isdisjoint(y) else sum(c * y[i] for i, c in x.items() if i in y)
+    return sum([c * y[i] for i, c in x.items() if i in y])

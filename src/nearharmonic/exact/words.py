@@ -13,7 +13,7 @@ from functools import lru_cache, reduce
 from itertools import accumulate, product, zip_longest
 from math import comb, factorial, lcm
 from numbers import Rational
-from operator import add, mul
+from operator import add, mul, truediv
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -228,17 +228,20 @@ def logarithm(step: Sequence[Factor], wanted: Iterable[str]) -> dict[str, Any]:
     outside is needed only for words of up to length - k letters that are ends of wanted words. These have one letter or
     more, and the step is as for :func:`word_sums`.
     """
-    targets, unit, exact = tuple(wanted), 1, is_exact(step)
-    if exact:
-        step, unit = scaled(step)
-    X = {word: sums[-1] for word, sums in _sums(step, _parts(targets), integers=exact).items()}
-    X = X if exact else _times_factorials(X)
-    common, brackets = _brackets(X, targets)
+    found, scale = scaled_logarithm(step, wanted)
+    divided = Fraction if is_exact(step) else truediv
+    return {word: divided(number, scale[len(word)]) for word, number in found.items()}
+
+
+def scaled_logarithm(step: Sequence[Factor], wanted: Iterable[str]) -> tuple[dict[str, Any], list[int]]:
+    """Return the numbers of :func:`logarithm` times a scale, integers for a rational step, and scales by length."""
+    targets, exact = tuple(wanted), is_exact(step)
+    step, unit = scaled(step) if exact else (step, 1)
+    sums = {word: rows[-1] for word, rows in _sums(step, _parts(targets), integers=exact).items()}
+    common, brackets = _brackets(X := sums if exact else _times_factorials(sums), targets)
+    splits = dict(_ends(targets))
     scale = [common * factorial(n) * unit**n for n in range(len(brackets) + 1)]
-    found = {word: _convolution(X, brackets[-1], splits) for word, splits in _ends(targets)}
-    if exact:
-        return {word: Fraction(found[word], scale[len(word)]) for word in targets}
-    return {word: found[word] / scale[len(word)] for word in targets}
+    return {word: _convolution(X, brackets[-1], splits[word]) for word in targets}, scale
 
 
 def logarithm_slopes(step: Sequence[Factor], wanted: Iterable[str]) -> dict[str, Array]:
@@ -346,8 +349,7 @@ def _ends(wanted: tuple[str, ...]) -> tuple[tuple[str, _Splits], ...]:
 
 def _brackets(X: Mapping[str, Any], targets: tuple[str, ...]) -> tuple[int, list[dict[str, Any]]]:
     """The brackets of the logarithm, the innermost first, times a common multiple of their constants, and that."""
-    length = max(map(len, targets), default=0)
-    common = lcm(*range(1, length + 1))
+    common = lcm(*range(1, (length := max(map(len, targets), default=0)) + 1))
     brackets: list[dict[str, Any]] = [{"": common // max(1, length)}]
     for k in range(length - 1, 0, -1):
         bracket = {w: -_convolution(X, brackets[-1], splits) for w, splits in _ends(targets) if len(w) <= length - k}
@@ -357,4 +359,4 @@ def _brackets(X: Mapping[str, Any], targets: tuple[str, ...]) -> tuple[int, list
 
 def _convolution(X: Mapping[str, Any], Y: Mapping[str, Any], splits: _Splits) -> Any:
     """Scaled coefficient of the word with these splits in the product of X - 1 and Y."""
-    return sum(ways * X[first] * Y[second] for ways, first, second in splits)
+    return sum([ways * X[first] * Y[second] for ways, first, second in splits])

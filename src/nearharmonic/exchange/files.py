@@ -21,18 +21,7 @@ from string import Template
 from typing import Any, NoReturn, cast
 
 from nearharmonic.errors import TableauError, shown
-from nearharmonic.exchange.method import DISTINGUISHING_DIGITS as DOUBLE_DIGITS
-from nearharmonic.exchange.method import (
-    Coefficients,
-    as_registered,
-    elements,
-    head,
-    identifier,
-    names,
-    nearest_doubles,
-    remarks_of_python,
-    rounded,
-)
+from nearharmonic.exchange import method
 from nearharmonic.integrators.tableau import DECIMAL, QUADRATIC_KINETIC_ENERGY, First, Row, Tableau
 from nearharmonic.registry import split_path
 
@@ -141,10 +130,9 @@ def _csv(text: str) -> dict[str, Any]:
 
 def _python(place: str) -> dict[str, Any]:
     """Return the tableau of a user's file as a document."""
-    from nearharmonic.exchange.method import as_registered
     from nearharmonic.integrators import integrators, tableau_at
 
-    tableau = as_registered(tableau_at(place, integrators.registered))
+    tableau = method.as_registered(tableau_at(place, integrators.registered))
     return {key: value for key, value in document(tableau).items() if value is not None}
 
 
@@ -307,7 +295,7 @@ def _filled(template: str, *values: Mapping[str, Any], **more: Any) -> str:
     return Template((TEMPLATES / template).read_text(encoding="utf-8")).substitute(given | more)
 
 
-def document(coefficients: Coefficients) -> dict[str, Any]:
+def document(coefficients: method.Coefficients) -> dict[str, Any]:
     """Return the keys and values of a file of data; None marks a property that the integrator does not have."""
     tableau = coefficients.tableau
     shared = ("name", "label", "source", "order", "harmonic_order", "requires", "symmetric", "first")
@@ -315,27 +303,27 @@ def document(coefficients: Coefficients) -> dict[str, Any]:
     return {name: getattr(tableau, name) for name in shared} | rows
 
 
-def _json(coefficients: Coefficients) -> str:
+def _json(coefficients: method.Coefficients) -> str:
     """Return the coefficients as JSON; a missing property is null."""
     return json.dumps(document(coefficients), indent=2, ensure_ascii=False) + "\n"
 
 
-def _toml(coefficients: Coefficients) -> str:
+def _toml(coefficients: method.Coefficients) -> str:
     """Return the coefficients as TOML, without the keys of missing properties, because TOML has no null."""
     import tomli_w
 
     return tomli_w.dumps({key: value for key, value in document(coefficients).items() if value is not None})
 
 
-def _c(coefficients: Coefficients) -> str:
+def _c(coefficients: method.Coefficients) -> str:
     """Return a program in C, in quadruple precision if the coefficients have more digits than a double."""
-    quadruple = coefficients.digits > DOUBLE_DIGITS
+    quadruple = coefficients.digits > method.DISTINGUISHING_DIGITS
     suffix = "f128" if quadruple else ""
     feature = "#define __STDC_WANT_IEC_60559_TYPES_EXT__ // for strfromf128\n"
     return _filled(
         "program.c",
-        names(coefficients, f"{{}}{suffix}"),
-        head=head(coefficients, "//", *([QUADRUPLE.format("_Float128 of GCC and glibc")] if quadruple else [])),
+        method.names(coefficients, f"{{}}{suffix}"),
+        head=method.head(coefficients, "//", *([QUADRUPLE.format("_Float128 of GCC and glibc")] if quadruple else [])),
         includes=f"{feature}#include <stdio.h>\n#include <stdlib.h>" if quadruple else "#include <stdio.h>",
         real="_Float128" if quadruple else "double",
         suffix=suffix,
@@ -343,46 +331,46 @@ def _c(coefficients: Coefficients) -> str:
     )
 
 
-def _julia(coefficients: Coefficients) -> str:
+def _julia(coefficients: method.Coefficients) -> str:
     """Return a program in Julia, with numbers of type BigFloat if the coefficients have more digits than a double."""
-    big = coefficients.digits > DOUBLE_DIGITS
+    big = coefficients.digits > method.DISTINGUISHING_DIGITS
     number = 'big"{}"' if big else "{}"
     examples = {name: number.format(value) for name, value in (("zero", "0.0"), ("three", "0.3"), ("four", "0.4"))}
-    above = head(coefficients, "#", *([BIG] if big else []))
-    return _filled("program.jl", names(coefficients, number), examples, head=above)
+    above = method.head(coefficients, "#", *([BIG] if big else []))
+    return _filled("program.jl", method.names(coefficients, number), examples, head=above)
 
 
-def _fortran(coefficients: Coefficients) -> str:
+def _fortran(coefficients: method.Coefficients) -> str:
     """Return a program in Fortran, in quadruple precision if the coefficients have more digits than a double."""
-    quadruple = coefficients.digits > DOUBLE_DIGITS
+    quadruple = coefficients.digits > method.DISTINGUISHING_DIGITS
     return _filled(
         "program.f90",
-        names(coefficients, "{}_real_kind", ", &"),
-        head=head(coefficients, "!", *([QUADRUPLE.format("real128")] if quadruple else [])),
+        method.names(coefficients, "{}_real_kind", ", &"),
+        head=method.head(coefficients, "!", *([QUADRUPLE.format("real128")] if quadruple else [])),
         kind="real128" if quadruple else "real64",
         width="45.35e4" if quadruple else "25.16e3",
     )
 
 
-def _diffrax(coefficients: Coefficients) -> str:
+def _diffrax(coefficients: method.Coefficients) -> str:
     """Return a solver of diffrax, with a pair of terms as its ``SemiImplicitEuler``, named after the integrator."""
-    called = names(coefficients)
-    above = head(coefficients, "#", DIFFRAX[0], *remarks_of_python(coefficients, *DIFFRAX[1:]))
+    called = method.names(coefficients)
+    above = method.head(coefficients, "#", DIFFRAX[0], *method.remarks_of_python(coefficients, *DIFFRAX[1:]))
     given = {"Name": called["name"].capitalize(), "order": coefficients.tableau.order}
     return _filled("diffrax.py.txt", called, given, head=above)
 
 
-def _rebound(coefficients: Coefficients) -> str:
+def _rebound(coefficients: method.Coefficients) -> str:
     """Return a module that registers the integrator with REBOUND, as its example custom_integrator does in C.
 
     A particle of REBOUND begins with nine doubles: position, velocity and acceleration. numpy therefore drifts and
     kicks all particles at once in the memory of the simulation.
     """
-    above = head(coefficients, "#", REBOUND[0], *remarks_of_python(coefficients, *REBOUND[1:]))
-    return _filled("rebound.py.txt", names(coefficients), head=above)
+    above = method.head(coefficients, "#", REBOUND[0], *method.remarks_of_python(coefficients, *REBOUND[1:]))
+    return _filled("rebound.py.txt", method.names(coefficients), head=above)
 
 
-def arkode_stages(coefficients: Coefficients) -> tuple[Row, Row]:
+def arkode_stages(coefficients: method.Coefficients) -> tuple[Row, Row]:
     """Return the kicks ``ahat`` and the drifts ``a`` of ARKODE's stages, s + 1 for the s stages of the integrator.
 
     In a stage i ARKODE kicks with ahat[i] and then drifts with a[i] (sprkStep_TakeStep of SUNDIALS 7.5; order of the
@@ -398,19 +386,19 @@ def arkode_stages(coefficients: Coefficients) -> tuple[Row, Row]:
     return ahat, a
 
 
-def _sundials(coefficients: Coefficients) -> str:
+def _sundials(coefficients: method.Coefficients) -> str:
     """Return a program in C that passes the table of :func:`arkode_stages` to ARKODE's module SPRKStep."""
     tableau = coefficients.tableau
     kicks, drifts = arkode_stages(coefficients)
     zero = "last drift" if tableau.first == "kick" else "first kick"
     remarks = [SUNDIALS.format(zero=zero, count=len(kicks))] if len(kicks) > tableau.stages else []
-    rows = {"ahat": elements(kicks, "    SUN_RCONST({})"), "a": elements(drifts, "    SUN_RCONST({})")}
-    told = {"name": identifier(tableau), "stages": len(kicks), "order": tableau.order}
-    return _filled("sundials.c", rows, told, head=head(coefficients, "//", *remarks, AUTONOMOUS))
+    rows = {"ahat": method.elements(kicks, "    SUN_RCONST({})"), "a": method.elements(drifts, "    SUN_RCONST({})")}
+    told = {"name": method.identifier(tableau), "stages": len(kicks), "order": tableau.order}
+    return _filled("sundials.c", rows, told, head=method.head(coefficients, "//", *remarks, AUTONOMOUS))
 
 
 #: Functions that write the text, by target.
-WRITERS: Mapping[str, Callable[[Coefficients], str]] = {
+WRITERS: Mapping[str, Callable[[method.Coefficients], str]] = {
     "json": _json, "toml": _toml, "c": _c, "julia": _julia, "rebound": _rebound, "diffrax": _diffrax,
     "sundials": _sundials, "fortran": _fortran,
 }  # fmt: skip
@@ -430,7 +418,7 @@ def export(tableau: Tableau, to: str, digits: int | None = None) -> str:
         the nearest doubles.
     """
     if digits is not None:
-        coefficients = rounded(tableau, digits)
+        coefficients = method.rounded(tableau, digits)
     else:
-        coefficients = as_registered(tableau) if to in DATA_TARGETS else nearest_doubles(tableau)
+        coefficients = method.as_registered(tableau) if to in DATA_TARGETS else method.nearest_doubles(tableau)
     return WRITERS[to](coefficients)

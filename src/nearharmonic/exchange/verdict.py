@@ -11,30 +11,9 @@ from typing import NamedTuple
 
 from nearharmonic.exact.polynomials import BigFloat
 from nearharmonic.exact.words import MOMENTUM, POSITION, Step, StepPolynomials, oscillator, oscillator_errors, slopes
+from nearharmonic.exchange import method
+from nearharmonic.exchange import proof as proving
 from nearharmonic.exchange.files import HIGHEST_ORDER, CoefficientFile
-from nearharmonic.exchange.method import (
-    Digits,
-    digits_of,
-    is_palindrome,
-    size_of,
-    step_of,
-    symmetrised,
-    uncertainty_of,
-    with_roles_exchanged,
-)
-from nearharmonic.exchange.proof import (
-    ROUNDING,
-    Likeness,
-    Order,
-    Residual,
-    Rows,
-    Suspect,
-    linear_allowance,
-    nearest,
-    proved_order,
-    residuals,
-    suspects,
-)
 from nearharmonic.theory.oscillator import gaps_of, limit_of
 
 # --- Orders of a step on the harmonic oscillator H = (p^2 + q^2)/2, proved to the digits of its coefficients.
@@ -61,7 +40,7 @@ class OscillatorStep:
         self.step = step
 
     @cached_property
-    def position(self) -> Residual:
+    def position(self) -> proving.Residual:
         """The first power of tau with an error in the new position; the harmonic order is one lower."""
         return self._first_failing(_POSITION)
 
@@ -96,10 +75,10 @@ class OscillatorStep:
         The step must be consistent. A step that is a palindrome to its digits is treated as an exact palindrome, so
         that rounding errors of the digits do not open a gap where the trace touches 2.
         """
-        step = symmetrised(self.step) if is_palindrome(self.step) else self.step
+        step = method.symmetrised(self.step) if method.is_palindrome(self.step) else self.step
         return limit_of(gaps_of(oscillator(step)), digits)
 
-    def _first_failing(self, combinations: Sequence[_Weights]) -> Residual:
+    def _first_failing(self, combinations: Sequence[_Weights]) -> proving.Residual:
         # At one power beyond the last power of the step, only the exact flow has a term.
         for power in range(1, len(self.step) + 3):
             found = [self._residual(weights, power) for weights in combinations]
@@ -108,16 +87,16 @@ class OscillatorStep:
                 return max(failing, key=lambda one: abs(one.value))
         raise AssertionError("a polynomial cannot be the cosine")
 
-    def _residual(self, weights: _Weights, power: int) -> Residual:
+    def _residual(self, weights: _Weights, power: int) -> proving.Residual:
         value = sum((w * row[power] for w, row in zip(weights, self._errors, strict=True)), Fraction(0))
-        return Residual(power, value, self._allowed(weights, power) if power <= len(self.step) else Fraction(0))
+        return proving.Residual(power, value, self._allowed(weights, power) if power <= len(self.step) else Fraction(0))
 
     def _allowed(self, weights: _Weights, power: int) -> Fraction:
-        total = uncertainty_of(self.step)
+        total = method.uncertainty_of(self.step)
         if total == 0:
             return total
-        size = size_of(self.step)
-        slack = ROUNDING * total * size ** (power - 1) / factorial(power - 1)
+        size = method.size_of(self.step)
+        slack = proving.ROUNDING * total * size ** (power - 1) / factorial(power - 1)
         if power > 1:
             slack += 2 * total**2 * (size + 2 * total) ** (power - 2) / factorial(power - 2)
         # From (1, -1), even powers of q and odd powers of p come from the first component, the others from the second.
@@ -125,7 +104,8 @@ class OscillatorStep:
         of_q, of_p = (K11, -K22) if power % 2 == 0 else (-K12, K21)
         q, p = self._slopes
         return (
-            linear_allowance(self.step, [of_q * a[power] + of_p * b[power] for a, b in zip(q, p, strict=True)]) + slack
+            proving.linear_allowance(self.step, [of_q * a[power] + of_p * b[power] for a, b in zip(q, p, strict=True)])
+            + slack
         )
 
     @cached_property
@@ -158,9 +138,9 @@ class Verdict:
     file: CoefficientFile
 
     @cached_property
-    def digits(self) -> Digits:
+    def digits(self) -> method.Digits:
         """The digits that the coefficients have."""
-        return digits_of(self.file)
+        return method.digits_of(self.file)
 
     @cached_property
     def digits_that_hold(self) -> int | None:
@@ -176,12 +156,12 @@ class Verdict:
     @cached_property
     def step(self) -> Step:
         """The drifts and kicks of one step."""
-        return step_of(self.file.kick, self.file.drift, self.file.first, self.digits.number)
+        return method.step_of(self.file.kick, self.file.drift, self.file.first, self.digits.number)
 
     @cached_property
-    def sums(self) -> dict[str, Residual]:
+    def sums(self) -> dict[str, proving.Residual]:
         """The sums of the rows minus 1, by ``drift`` and ``kick``."""
-        drift, kick = residuals(self.step, 1, quadratic=False)
+        drift, kick = proving.residuals(self.step, 1, quadratic=False)
         return {"kick": kick, "drift": drift}
 
     @property
@@ -192,21 +172,21 @@ class Verdict:
     @cached_property
     def is_symmetric(self) -> bool:
         """True if the step is a palindrome, to its digits."""
-        return is_palindrome(self.step)
+        return method.is_palindrome(self.step)
 
     @cached_property
-    def order(self) -> Order:
+    def order(self) -> proving.Order:
         """The order for every separable H."""
-        return proved_order(self.step, HIGHEST_ORDER, quadratic=False)
+        return proving.proved_order(self.step, HIGHEST_ORDER, quadratic=False)
 
     @cached_property
-    def quadratic_order(self) -> Order:
+    def quadratic_order(self) -> proving.Order:
         """The order for every H with T = p.p/2."""
-        return proved_order(self.step, HIGHEST_ORDER, quadratic=True)
+        return proving.proved_order(self.step, HIGHEST_ORDER, quadratic=True)
 
-    def polynomial_order(self, degree: int) -> Order:
+    def polynomial_order(self, degree: int) -> proving.Order:
         """Return the order for every H with T = p.p/2 and a polynomial V of this degree."""
-        return proved_order(self.step, HIGHEST_ORDER, quadratic=True, potential_degree=degree)
+        return proving.proved_order(self.step, HIGHEST_ORDER, quadratic=True, potential_degree=degree)
 
     @cached_property
     def oscillator(self) -> OscillatorStep:
@@ -219,9 +199,9 @@ class Verdict:
         return self.oscillator.stability_limit(self.digits.number) if self.is_consistent else None
 
     @cached_property
-    def nearest(self) -> Likeness | None:
+    def nearest(self) -> proving.Likeness | None:
         """The registered method nearest to the coefficients."""
-        return nearest(self.step)
+        return proving.nearest(self.step)
 
     @cached_property
     def claims(self) -> tuple[Claim, ...]:
@@ -234,23 +214,23 @@ class Verdict:
         return all(claim.holds for claim in self.claims)
 
     @cached_property
-    def suspects(self) -> list[Suspect]:
+    def suspects(self) -> list[proving.Suspect]:
         """Single transcription errors that explain the claims that do not hold; none if all hold."""
         if self.holds:
             return []
-        return suspects(self.file, self.digits.number, self._proves, self._target)
+        return proving.suspects(self.file, self.digits.number, self._proves, self._target)
 
     @property
     def _target(self) -> int:
         """The claimed order; without a claim, order 4, which chance rarely produces."""
         return self.file.order or min(max(4, self.quadratic_order.order + 2), HIGHEST_ORDER)
 
-    def _proves(self, rows: Rows) -> bool:
+    def _proves(self, rows: proving.Rows) -> bool:
         """Return True if every claim holds for these rows, and they have the order :attr:`_target`."""
-        step = step_of(rows.kick, rows.drift, rows.first, self.digits.number)
-        symmetric = self.file.symmetric in (None, is_palindrome(step))
+        step = method.step_of(rows.kick, rows.drift, rows.first, self.digits.number)
+        symmetric = self.file.symmetric in (None, method.is_palindrome(step))
         quadratic = self.file.order is None or self.file.requires is not None
-        reached = proved_order(step, self._target, quadratic=quadratic).order == self._target
+        reached = proving.proved_order(step, self._target, quadratic=quadratic).order == self._target
         return symmetric and reached and _role_claims_hold(self.file, step)
 
     @cached_property
@@ -305,7 +285,7 @@ def _order(found: Verdict, claimed: int) -> Claim:
     return Claim(f"order = {claimed} {kind}", holds, proof)
 
 
-def order_proof(proved: Order, digits: Digits) -> str:
+def order_proof(proved: proving.Order, digits: method.Digits) -> str:
     """Return the proof of an order in one line."""
     parts = []
     if proved.order:
@@ -319,11 +299,11 @@ def order_proof(proved: Order, digits: Digits) -> str:
     return f"order {proved.order}: {'; '.join(parts)}"
 
 
-def _allowed(one: Residual, digits: Digits) -> str:
+def _allowed(one: proving.Residual, digits: method.Digits) -> str:
     return f"{digits.words} allow {float(one.allowed):.1e}" if one.allowed else digits.words
 
 
-def _failure(failing: Residual, what: str, digits: Digits) -> str:
+def _failure(failing: proving.Residual, what: str, digits: method.Digits) -> str:
     return f"{what} {failing.degree} is off by {float(failing.value):.1e} ({_allowed(failing, digits)})"
 
 
@@ -337,7 +317,7 @@ def _harmonic(found: Verdict, claimed: int) -> Claim:
 def _role(found: Verdict) -> Iterator[Claim]:
     """Yield the claim of the first operator, if a claim depends on it: false if it holds only with exchanged roles."""
     file, first = found.file, found.file.first
-    exchanged = with_roles_exchanged(found.step)
+    exchanged = method.with_roles_exchanged(found.step)
     own, other = (_role_claims_hold(file, step) for step in (found.step, exchanged))
     if not (own or other):
         return
@@ -354,13 +334,13 @@ def _role_claims_hold(file: CoefficientFile, step: Step) -> bool:
         return False
     if file.order is None or file.requires is None:
         return True
-    return proved_order(step, file.order, quadratic=True).order >= file.order
+    return proving.proved_order(step, file.order, quadratic=True).order >= file.order
 
 
 def _orders_of_role(file: CoefficientFile, step: Step) -> str:
     parts = []
     if file.order is not None and file.requires is not None:
-        parts.append(f"order {proved_order(step, HIGHEST_ORDER, quadratic=True).order} for quadratic T")
+        parts.append(f"order {proving.proved_order(step, HIGHEST_ORDER, quadratic=True).order} for quadratic T")
     if file.harmonic_order is not None:
         parts.append(f"harmonic order {OscillatorStep(step).harmonic_order}")
     return " and ".join(parts)
@@ -370,8 +350,8 @@ def _warnings(found: Verdict) -> Iterator[str]:
     file = found.file
     if 0 < found.digits.number < FEWEST_DIGITS:
         yield f"{found.digits.words} are few: an order proved to so few digits may be wrong"
-    exchanged = with_roles_exchanged(found.step)
-    quadratic = proved_order(exchanged, HIGHEST_ORDER, quadratic=True).order
+    exchanged = method.with_roles_exchanged(found.step)
+    quadratic = proving.proved_order(exchanged, HIGHEST_ORDER, quadratic=True).order
     if quadratic > found.quadratic_order.order:
         own = f"{found.quadratic_order.order} with the {file.first} first"
         yield f"for quadratic T the order is {own}, and {quadratic} with the roles exchanged"

@@ -299,5 +299,4 @@ class Normal:
     def rows(self, count: int, n: int) -> Floats:
         """Return ``count`` rows of n numbers of variance 1."""
         u, v = (self.uniform.random((count, n)) for _ in range(2))
-        found: Floats = np.sqrt(-2.0 * log(1.0 - u)) * cos(2 * np.pi * v)
-        return found
+        return np.asarray(np.sqrt(-2.0 * log(1.0 - u)) * cos(2 * np.pi * v))

@@ -168,12 +168,7 @@ ASYMPTOTIC = 1e-4
 #: Largest number of points of a slope fit, with the smallest errors above the plateau: half a decade.
 SLOPE_POINTS = 20
 #: Terms of the Cornish-Fisher series, divided by z: coefficients of even powers of z, and a divisor.
-_CORNISH_FISHER = (
-    ((1, 1), 4),
-    ((3, 16, 5), 96),
-    ((-15, 17, 19, 3), 384),
-    ((-945, -1920, 1482, 776, 79), 92160),
-)
+_CORNISH_FISHER = (((1, 1), 4), ((3, 16, 5), 96), ((-15, 17, 19, 3), 384), ((-945, -1920, 1482, 776, 79), 92160))
 
 
 def observed_order(tau: xr.DataArray, error: xr.DataArray, dimension: str = "tau_per_stage") -> xr.DataArray:
@@ -185,9 +180,7 @@ def observed_order(tau: xr.DataArray, error: xr.DataArray, dimension: str = "tau
 
     def slope(x: Any, y: Any) -> float:
         usable = truncation(x, y)
-        if usable.size < 3:
-            return float("nan")
-        return power_law(x[usable], y[usable])[0]
+        return power_law(x[usable], y[usable])[0] if usable.size > 2 else np.nan
 
     fitted: xr.DataArray = xr.apply_ufunc(slope, tau, error, input_core_dims=[[dimension], [dimension]], vectorize=True)
     return fitted.assign_attrs(units="1", long_name="observed order: slope of the maximum energy error above round-off")

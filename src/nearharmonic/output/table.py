@@ -96,9 +96,11 @@ class Table:
         return f"{_one_line(self.caption)}\n\n{table}\n"
 
     def latex(self) -> str:
-        """Return the caption and the table in LaTeX, floats to four digits."""
-        cells = [[_shortened(cell) for cell in row] for row in self.rows]
-        return f"% {_one_line(self.caption)}\n{_tabulate(self.header, cells, 'latex_booktabs')}\n"
+        """Return the caption and the table in LaTeX, floats to four digits, formulas and numbers in math mode."""
+        header, *rows = ([in_latex(_shortened(cell)) for cell in row] for row in (self.header, *self.rows))
+        head, *body = (" & ".join(row) + r" \\" for row in (header, *rows))
+        frame = (rf"\begin{{tabular}}{{{'l' * len(header)}}}", r"\toprule", head, r"\midrule", *body, r"\bottomrule")
+        return "\n".join((f"% {_one_line(self.caption)}", *frame, r"\end{tabular}", ""))
 
     def lines(self, digits: int | None = None) -> list[str]:
         """Return the caption and the rows as lines of aligned columns for a terminal, floats to ``digits``.
@@ -146,6 +148,39 @@ def in_markdown(text: str) -> str:
     """Return ``text`` for a cell in Markdown: bars, tags and links of labels are escaped, line feeds are spaces."""
     text = re.sub(r"(?<!\\)\|", r"\|", _one_line(text))
     return re.sub(r"<(?=[A-Za-z/!?])", "&lt;", text).replace("](", "]\\(")
+
+
+#: Symbol of a formula with its indices, such as Qbar[0,0], Cbar_2, d(1) or tau^2; a number; a whole formula.
+_SYMBOL = re.compile(r"\b(tau|[A-Za-z])(bar)?(_[A-Za-z0-9]|\[[0-9,]+\]|\^[0-9]+|\([0-9]\))(?![\w(])")
+_NUMBER = re.compile(r"[-+]?[0-9]+(?:\.[0-9]+)?(?:e[-+]?[0-9]+)?")
+_FORMULA = re.compile(rf"(?:{_SYMBOL.pattern}|[A-Za-z](?![A-Za-z])|[0-9]+|[-+=/() ])+")
+_LATEX = {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\^{}", "<": "$<$", ">": "$>$", "|": "$|$"}
+_LATEX |= {sign: f"\\{sign}" for sign in "#$%&_{}"}
+
+
+def in_latex(text: str) -> str:
+    """Return ``text`` for a cell in LaTeX: formulas and numbers in math mode, with digits in groups, the rest escaped.
+
+    Powers of ten are written as such. Decimals have groups of five digits, integers above 9999 groups of three.
+    """
+    text = _one_line(text)
+    if _NUMBER.fullmatch(text):
+        mantissa, _, exponent = text.partition("e")
+        whole, point, decimals = mantissa.partition(".")
+        whole = re.sub(r"(?<=[0-9])(?=(?:[0-9]{3})+$)", r"\\,", whole) if len(whole.lstrip("+-")) > 4 else whole
+        digits = whole + point + re.sub(r"([0-9]{5})(?=[0-9])", r"\1\\,", decimals)
+        power = rf"10^{{{int(exponent)}}}" if exponent else ""
+        return f"${digits}" + (rf" \times {power}$" if power else "$")
+    if _FORMULA.fullmatch(text) and _SYMBOL.search(text):
+        return f"${_SYMBOL.sub(_symbol, text)}$"
+    parts = _SYMBOL.sub(lambda found: f"\0{_symbol(found)}\0", text).split("\0")
+    return "".join(f"${part}$" if i % 2 else "".join(_LATEX.get(c, c) for c in part) for i, part in enumerate(parts))
+
+
+def _symbol(found: re.Match[str]) -> str:
+    letter, bar, index = found.groups()
+    letter = (r"\bar " if bar else "") + letter.replace("tau", r"\tau")
+    return letter + re.sub(r"\[(.*)\]", r"_{\1}", re.sub(r"\^(.*)", r"^{\1}", index))
 
 
 def _one_line(text: str) -> str:

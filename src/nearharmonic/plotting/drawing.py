@@ -22,24 +22,9 @@ from nearharmonic.engine.kernels import formulas_digest
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators import integrators
 from nearharmonic.numerics.portable import Floats
+from nearharmonic.plotting import style
 from nearharmonic.plotting.plot import CUBE, MEMBER, PROFILE, RANKING, TRAJECTORY, check_measured, plot
 from nearharmonic.plotting.profile import SPARE_COLOURS, Line, range_of
-from nearharmonic.plotting.style import (
-    DASHED,
-    LEGEND,
-    draw_floor,
-    draw_profile,
-    draw_profiles,
-    error_label,
-    house_style,
-    log_scale,
-    new_figure,
-    panel_letter,
-    png,
-    right_title,
-    say_if_empty,
-    style_of,
-)
 from nearharmonic.systems import systems
 from nearharmonic.systems.formulas import with_parameters
 
@@ -69,18 +54,18 @@ class Run(NamedTuple):
 
     def line(self, **changes: Any) -> dict[str, Any]:
         """Keywords of ``Axes.plot``."""
-        return style_of(str(self.dataset.attrs["integrator"])).line(**{**self.look, **changes})
+        return style.style_of(str(self.dataset.attrs["integrator"])).line(**{**self.look, **changes})
 
     def thin(self) -> dict[str, Any]:
         """Keywords of ``Axes.plot`` for a thin line without markers."""
         return self.line(marker="none", linewidth=0.8)
 
 
-@house_style
+@style.house_style
 def draw(source: str, kind: str, given: Sequence[xr.Dataset], axes: Sequence[str] | None) -> Figure:
     """Draw Datasets of the kind ``source`` as :func:`nearharmonic.plot` does."""
     if source in (CUBE, RANKING):
-        return (draw_profile if source == CUBE else _ranking)(given[0])
+        return (style.draw_profile if source == CUBE else _ranking)(given[0])
     runs = runs_of(given)
     if kind in ("orbit", "phase", "section"):
         return _states(runs, kind, axes)
@@ -104,7 +89,7 @@ def write_above(drawn: Figure, title: str) -> None:
         one.set_position((box.x0, box.y0 * share, box.width, box.height * share))
     for legend in drawn.legends:
         legend.set_bbox_to_anchor((0.545, 0.995 * share), transform=drawn.transFigure)
-    drawn.text(0.5, 1 - strip / 2 / (height + strip), title, ha="center", va="center", fontsize="large")
+    drawn.text(0.5, 1 - strip / 2 / (height + strip), title, ha="center", va="center", fontsize=min(10.8, 2.4 * width))
 
 
 def _common_unit(given: Sequence[xr.Dataset], name: str) -> str:
@@ -130,7 +115,7 @@ def in_brackets(unit: str) -> str:
 
 def _frame(height: float, **edges: float) -> Figure:
     """Return a figure 7 inches wide with a legend above its panels."""
-    drawn = new_figure(7, height)
+    drawn = style.new_figure(7, height)
     drawn.subplots_adjust(**{"left": 0.115, "right": 0.985, "top": 0.86, **edges})
     return drawn
 
@@ -143,15 +128,15 @@ def runs_of(given: Sequence[xr.Dataset]) -> list[Run]:
     runs, turns, colours = list[Run](), dict[str, int](), dict[str, str]()
     for one, label in zip(given, _labels_of(given), strict=True):
         name = str(one.attrs["integrator"])
-        style = style_of(name)
+        own = style.style_of(name)
         if name not in colours:
-            free = [c for c in (style.colour, *SPARE_COLOURS) if c not in colours.values()]
-            colours[name] = free[0] if free else style.colour
+            free = [c for c in (own.colour, *SPARE_COLOURS) if c not in colours.values()]
+            colours[name] = free[0] if free else own.colour
         turn = turns[name] = turns.get(name, -1) + 1
         extended = one.attrs.get("precision") == "extended" and turn > 0
-        look = dict(DASHED) if extended else {"linestyle": DASHES[turn % len(DASHES)]} if turn else {}
-        if colours[name] != style.colour:
-            look |= {"color": colours[name], "markerfacecolor": colours[name] if style.filled else "white"}
+        look = dict(style.DASHED) if extended else {"linestyle": DASHES[turn % len(DASHES)]} if turn else {}
+        if colours[name] != own.colour:
+            look |= {"color": colours[name], "markerfacecolor": colours[name] if own.filled else "white"}
         runs.append(Run(one, label, look))
     return runs
 
@@ -181,7 +166,7 @@ def _told(dataset: xr.Dataset, key: str) -> str:
 
 
 def _add_legend(drawn: Figure, runs: Sequence[Run], **changes: Any) -> None:
-    drawn.legend(handles=[Line2D([], [], label=run.label, **run.line(**changes)) for run in runs], **LEGEND)
+    drawn.legend(handles=[Line2D([], [], label=run.label, **run.line(**changes)) for run in runs], **style.LEGEND)
 
 
 # --- A figure for each content ----------------------------------------------------------------------------------------
@@ -198,7 +183,7 @@ def _profiles(runs: Sequence[Run]) -> Figure:
         curves.append(Line(str(one.attrs["integrator"]), "", ascending, (i, len(runs))))
     given = [run.dataset for run in runs]
     handles = [Line2D([], [], label=run.label, **run.line()) for run in runs]
-    return draw_profiles(curves, [run.look for run in runs], handles, _common_unit(given, "tau"), given)
+    return style.draw_profiles(curves, [run.look for run in runs], handles, _common_unit(given, "tau"), given)
 
 
 def _trajectories(runs: Sequence[Run], *, with_orbit: bool) -> Figure:
@@ -213,15 +198,15 @@ def _trajectories(runs: Sequence[Run], *, with_orbit: bool) -> Figure:
     for run in runs:
         if run.dataset.attrs.get("energy") != "none":
             upper.plot(run.dataset["t"].values, np.abs(run.dataset["energy_error"].values), **run.thin())
-    log_scale(upper, "y")
+    style.log_scale(upper, "y")
     upper.set_xlabel(r"time $t$" + in_brackets(_common_unit(given, "t")))
     _common_meaning(measured, "energy_error")
-    upper.set_ylabel(error_label(measured[0]["max_energy_error"].attrs))
-    panel_letter(upper, "A", "energy error at the samples")
-    draw_floor(upper, measured, "energy_error")
+    upper.set_ylabel(style.error_label(measured[0]["max_energy_error"].attrs))
+    style.panel_letter(upper, "A", "energy error at the samples")
+    style.draw_floor(upper, measured, "energy_error")
     for axes in lower:
         _draw_states(axes, runs, "orbit", None)
-        panel_letter(axes, "B", _title_of("orbit", given[0]))
+        style.panel_letter(axes, "B", _title_of("orbit", given[0]))
     _add_legend(drawn, runs, marker="none")
     return drawn
 
@@ -230,7 +215,7 @@ def _states(runs: Sequence[Run], kind: str, asked: Sequence[str] | None) -> Figu
     drawn = _frame(5.2, top=0.885, bottom=0.095)
     axes = drawn.subplots()
     _draw_states(axes, runs, kind, asked)
-    panel_letter(axes, "A", _title_of(kind, runs[0].dataset, asked))
+    style.panel_letter(axes, "A", _title_of(kind, runs[0].dataset, asked))
     if kind != "section":
         _add_legend(drawn, runs, marker="none")
     return drawn
@@ -255,14 +240,14 @@ def _chaos(runs: Sequence[Run]) -> Figure:
     panels = drawn.subplots(len(shown), 1, sharex=True, squeeze=False).flat
     for number, (axes, (name, label, scale)) in enumerate(zip(panels, shown, strict=True)):
         for run in runs:
-            rows, style = np.atleast_2d(run.dataset[name].values), run.thin()
-            colours = colormaps["cividis"](np.linspace(0, 0.9, len(rows))) if len(rows) > 1 else [style["color"]]
+            rows, look = np.atleast_2d(run.dataset[name].values), run.thin()
+            colours = colormaps["cividis"](np.linspace(0, 0.9, len(rows))) if len(rows) > 1 else [look["color"]]
             for row, colour in zip(rows, colours, strict=True):
-                axes.plot(run.dataset["t"].values, row, **{**style, "color": colour})
+                axes.plot(run.dataset["t"].values, row, **{**look, "color": colour})
         if scale == "log":
-            log_scale(axes, "y")
+            style.log_scale(axes, "y")
         axes.set_ylabel(label + in_brackets(str(given[0][name].attrs.get("units", "1"))))
-        panel_letter(axes, number, "one line for each member" if MEMBER in given[0].dims and not number else "")
+        style.panel_letter(axes, number, "one line for each member" if MEMBER in given[0].dims and not number else "")
     axes.set_xlabel(r"time $t$" + in_brackets(_common_unit(given, "t")))
     _add_legend(drawn, runs, marker="none")
     return drawn
@@ -277,7 +262,8 @@ def _maxima(runs: Sequence[Run], kind: str) -> Figure:
     if kind == "work":
         for run in runs:
             ascending = run.dataset.sortby("evaluations")
-            axes.plot(ascending["evaluations"], ascending["max_energy_error"], **run.line())
+            errors = ascending["max_energy_error"].values
+            axes.plot(ascending["evaluations"].values, errors, **style.with_lone_points(run.line(), errors))
         axes.set_xlabel("evaluations of the force")
     else:
         against = varying(given)
@@ -290,12 +276,12 @@ def _maxima(runs: Sequence[Run], kind: str) -> Figure:
         lost = sum(int((one["status"] == "diverged").sum()) for one in given)
         title += ", a point for each member"
         title += f"; {lost} of {sum(one.sizes[MEMBER] for one in given)} diverged" if lost else ""
-    log_scale(axes, "xy" if kind == "work" else "y")
-    axes.set_ylabel(error_label(notes, r"\max\,"))
-    panel_letter(axes, "A", title)
-    say_if_empty(axes, [one["max_energy_error"].values for one in given])
+    style.log_scale(axes, "xy" if kind == "work" else "y")
+    axes.set_ylabel(style.error_label(notes, r"\max\,"))
+    style.panel_letter(axes, "A", title)
+    style.say_if_empty(axes, [one["max_energy_error"].values for one in given])
     if kind != "work":
-        draw_floor(axes, given, "max_energy_error")
+        style.draw_floor(axes, given, "max_energy_error")
     _add_legend(drawn, runs, **({} if kind == "work" else {"linestyle": "none"}))
     return drawn
 
@@ -309,21 +295,21 @@ def _ranking(ranking: xr.Dataset) -> Figure:
     handles = []
     for axes, x in ((left, ranking["evaluations"].values), (right, 1e3 * ranking["time"].values)):
         for rank, (a, b) in enumerate(zip(x, errors.values, strict=True)):
-            style = style_of(str(ranking["integrator"].values[rank])).points()
-            look = style if rank < NAMED else {"marker": ".", "color": "#9a9a9a", "linestyle": "none"}
+            own = style.style_of(str(ranking["integrator"].values[rank])).points()
+            look = own if rank < NAMED else {"marker": ".", "color": "#9a9a9a", "linestyle": "none"}
             (point,) = axes.plot([a], [b], **look)
             if axes is left and rank < NAMED:
                 point.set_label(f"{rank + 1}. {ranking['label'].values[rank]}")
                 handles.append(point)
         axes.axhline(bound, color="#595959", linewidth=0.8, linestyle=(0, (6, 3)))
-        log_scale(axes, "xy")
+        style.log_scale(axes, "xy")
         axes.set(xlim=_between_labels(x), ylim=_between_labels([*errors.values, bound]))
-    says = "position error" if measure == "position_error" else error_label(errors.attrs)
+    says = "position error" if measure == "position_error" else style.error_label(errors.attrs)
     left.set(xlabel="evaluations of the force", ylabel=says)
     right.set_xlabel("time (ms)")
-    panel_letter(left, "A", "error and evaluations")
-    panel_letter(right, "B", "error and time")
-    drawn.legend(handles=handles, **LEGEND)
+    style.panel_letter(left, "A", "error and evaluations")
+    style.panel_letter(right, "B", "error and time")
+    drawn.legend(handles=handles, **style.LEGEND)
     return drawn
 
 
@@ -537,14 +523,14 @@ def film_page(given: Sequence[xr.Dataset], frames: int, fps: int, title: str | N
     )  # fmt: skip
 
 
-@house_style
+@style.house_style
 def _pictures(given: Sequence[xr.Dataset], frames: int, title: str | None) -> list[bytes]:
     """Return the frames as PNG files with 90 pixels per inch."""
     figure = plot(given, title=title)
     show, found = truncator(figure, given), []
     for k in range(frames):
         show(k / (frames - 1))
-        found.append(png(figure, 90))
+        found.append(style.png(figure, 90))
     return found
 
 
@@ -558,7 +544,7 @@ def truncator(figure: Figure, given: Sequence[xr.Dataset]) -> Callable[[float], 
     energy.set_position((lower.x0, lower.y0, upper.width, upper.height))
     orbit.set_position((upper.x0, upper.y1 - lower.height, lower.width, lower.height))
     for axes, letter in ((orbit, "A"), (energy, "B")):
-        panel_letter(axes, letter, axes.get_title(loc="left"))
+        style.panel_letter(axes, letter, axes.get_title(loc="left"))
     figure.draw_without_rendering()  # the limits of complete curves
     curves = [(orbit.lines[2 * k], energy.lines[k]) for k in range(len(given))]
     whole = [[np.array(line.get_xydata()) for line in pair] for pair in curves]
@@ -574,6 +560,6 @@ def truncator(figure: Figure, given: Sequence[xr.Dataset]) -> Callable[[float], 
             for line, all_of_it in zip(pair, points, strict=True):
                 line.set_data(*all_of_it[: round(passed * (len(all_of_it) - 1)) + 1].T)
             dot.set_data(*np.array(pair[0].get_xydata())[-1:].T)
-        right_title(orbit, f"$t$ = {now:.4g}{unit}")
+        style.right_title(orbit, f"$t$ = {now:.4g}{unit}")
 
     return show

@@ -41,6 +41,7 @@ def plot(
     kind: str | None = None,
     axes: Sequence[str] | None = None,
     title: str | None = None,
+    width: str = "page",
 ) -> Figure:
     """Draw a result in the style of the figures.
 
@@ -69,6 +70,8 @@ def plot(
         an observable: ("t", "E1").
     title : str, optional
         Text above the figure.
+    width : {"page", "column"}
+        Width of the figure: 7 inches, or 85 mm with text of at least 6 pt.
 
     Returns
     -------
@@ -79,7 +82,8 @@ def plot(
     ------
     SettingError
         The argument is not such an object or is empty, it has no plot of this kind or no such axes, Datasets have
-        different kinds or different units of step sizes or times, or energy errors are relative to different energies.
+        different kinds or different units of step sizes or times, energy errors are relative to different energies, or
+        there is no such width.
 
     Examples
     --------
@@ -104,8 +108,12 @@ def plot(
         raise bad_setting("kind", kind, allowed)
     if axes is not None and chosen not in ("orbit", "phase", "section"):
         raise bad_setting("axes", axes, "two quantities of an orbit, a phase space or a section, and this has none")
+    if width not in ("page", "column"):
+        raise bad_setting("width", width, "page or column")
     drawing = with_matplotlib("drawing", "a plot")
     drawn: Figure = drawing.draw(source, chosen, given, axes)
+    if width == "column":
+        with_matplotlib("column", "a plot").narrow(drawn)
     with_matplotlib("style", "a plot").keep_inside(drawn)
     if title is not None:
         drawing.write_above(drawn, title)

@@ -30,6 +30,8 @@ LARGEST_ERROR = 10.0
 
 #: The line of the rounding of a potential is drawn if an error is at most this multiple of it.
 SHOWN = 100.0
+#: Hours of a year, as the paper counts them.
+YEAR = 8766
 #: Columns of a figure: 0.3 mm each in a figure 7 inches wide.
 COLUMNS = 500
 
@@ -46,6 +48,10 @@ class Line(NamedTuple):
     runs: xr.Dataset
     turn: tuple[int, int]
     extended: bool = False
+
+    def dashes(self) -> tuple[int, tuple[int, int]]:
+        """Return offset and lengths of dashes: of three methods with one curve, each is seen in the gaps of others."""
+        return 3 * (self.turn[0] % 3), (4, 5)
 
 
 def lines(cube: xr.Dataset, names: Iterable[str] = tuple(PANELS), columns: int = COLUMNS) -> list[Line]:
@@ -64,6 +70,23 @@ def lines(cube: xr.Dataset, names: Iterable[str] = tuple(PANELS), columns: int =
     return found
 
 
+def lone(values: Floats) -> Any:
+    """Return a mask of the numbers that no line leads to: positive ones, whose neighbours are none."""
+    there = np.pad(np.isfinite(values) & (values > 0), 1)
+    return there[1:-1] & ~there[:-2] & ~there[2:]
+
+
+def beyond(curves: Sequence[Line], variable: str) -> tuple[list[tuple[int, xr.Dataset]], str]:
+    """Return the rows of the strip above a panel, index of a curve and its runs outside the panel, and their name.
+
+    These runs diverged, or their error ``variable`` is above :data:`LARGEST_ERROR`.
+    """
+    found = [line.runs[variable] > LARGEST_ERROR for line in curves]
+    rows = [(i, curves[i].runs.isel({out.dims[0]: out.values})) for i, out in enumerate(found) if out.any()]
+    finite = any(np.isfinite(runs[variable]).any() for _, runs in rows)
+    return rows, f"diverged,\nor > {LARGEST_ERROR:g}" if finite else "diverged"
+
+
 def problem_of(results: xr.Dataset, unit: str = "1") -> str:
     """Return system, interval and energy of runs, as far as attributes tell; ``unit`` is that of the time."""
     try:
@@ -71,7 +94,9 @@ def problem_of(results: xr.Dataset, unit: str = "1") -> str:
         t_end = {**settings.get("settings", {}), **settings.get("sweep", {})}["t_end"]
     except (AttributeError, KeyError, TypeError, ValueError, RecursionError):
         t_end = None
-    interval = "" if t_end is None else f"$t$ = {t_end}{'' if unit == '1' else f' {unit}'}"
+    interval = "" if t_end is None else rf"$t \in [0, {t_end}]$" + ("" if unit == "1" else f" {unit}")
+    if unit == "h" and t_end and float(t_end) % YEAR == 0:
+        interval = f"{float(t_end) / YEAR:.0f} years".replace("10 ", "ten ")
     H0 = energy_of(results.attrs)
     return ", ".join(filter(None, (str(results.attrs.get("system_label", "")), interval, H0 and f"$H_0$ = {H0}")))
 
@@ -144,6 +169,12 @@ def _extremes(values: Floats, edges: list[int]) -> Iterator[int]:
             yield from (int(gaps[0]), int(gaps[-1]))
 
 
+def text_on(colour: Floats) -> str:
+    """Return black or white: the one with the higher contrast with a colour (WCAG 2.1), at least 4.5 to 1."""
+    linear = np.where(colour <= 0.04045, colour / 12.92, ((colour + 0.055) / 1.055) ** 2.4)
+    return "black" if linear @ (0.2126, 0.7152, 0.0722) > 0.179 else "white"
+
+
 # --- Colour and marker of each method ---------------------------------------------------------------------------------
 
 
@@ -200,10 +231,14 @@ _OTHERS = (
     ("#991ab3", "*Xh", "sofspa_s11o6 sofspa_s19o8 sofspa_s35o10"),
     ("#800080", "8", "morales_s17o8"),
     ("#b38000", "<>8", "mclachlan_atela_3 mclachlan_atela_4 mclachlan_atela_5"),
-    ("#334d80", "X>hd", "bcss_s3 bcss_s4 predescu_s3 bcss_s2"),
+    ("#b31a00", "X", "bcss_s3"),
+    ("#cc4db3", ">", "bcss_s4"),
+    ("#66004d", "h", "predescu_s3"),
+    ("#334d80", "d", "bcss_s2"),
     ("#668080", ">", "omelyan_g5o6"),
     ("#998000", "P", "rowlands"),
-    ("#e64d1a", "h*", "leapfrog ruth_s3o3"),
+    ("#b3804d", "h", "leapfrog"),
+    ("#e64d1a", "*", "ruth_s3o3"),
     ("#1a00e6", "X", "chin_4a"),
     ("#3300e6", ">", "na7"),
     ("#cc4d99", "<", "gauss16"),

@@ -21,25 +21,16 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
+from matplotlib.font_manager import fontManager
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
 from matplotlib.ticker import FuncFormatter, LogLocator
 
 from nearharmonic.output.atomic import write_bytes
 from nearharmonic.output.table import power_of_ten
-from nearharmonic.plotting.profile import (
-    LARGEST_ERROR,
-    PANELS,
-    Line,
-    Style,
-    energy_error_label,
-    floor_name,
-    floor_near,
-    lines,
-    problem_of,
-    range_of,
-    style_of,
-)
+from nearharmonic.plotting import profile
+from nearharmonic.plotting.profile import Line, Style, style_of
+from nearharmonic.plotting.recording import Recording
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -47,12 +38,16 @@ if TYPE_CHECKING:
 
 __all__ = [
     "SETTINGS", "Style", "house_style", "keep_inside", "label_ends", "lettered", "log_scale", "log_ticks", "mark_every",
-    "method_handles", "new_figure", "panel_letter", "png", "right_title", "save", "style_of", "write_beside",
+    "method_handles", "new_figure", "panel_letter", "png", "right_title", "save", "step_label", "style_of",
+    "write_beside",
 ]  # fmt: skip
 
-#: matplotlib settings of every figure: the fonts that matplotlib ships, so that figures are identical on all machines.
+for _font in sorted(Path(__file__).with_name("fonts").glob("*.ttf")):
+    fontManager.addfont(_font)
+
+#: Settings of matplotlib for every figure. The fonts are files of this package: figures are the same on all machines.
 SETTINGS: Any = {
-    "font.family": "DejaVu Sans",
+    "font.family": ["DejaVu Figures", "DejaVu Sans"],
     "font.size": 9,
     "axes.labelsize": 9.5,
     "axes.linewidth": 0.7,
@@ -70,7 +65,12 @@ SETTINGS: Any = {
     "legend.fontsize": 8.5,
     "legend.frameon": False,
     "text.hinting": "none",
-    "svg.fonttype": "none",
+    "mathtext.fontset": "custom",
+    "mathtext.it": "DejaVu Figures:italic",
+    "mathtext.bf": "DejaVu Figures:bold",
+    **dict.fromkeys(("mathtext.rm", "mathtext.sf", "mathtext.tt", "mathtext.cal"), "DejaVu Figures"),
+    "pdf.fonttype": 42,  # journals refuse fonts of type 3
+    "svg.fonttype": "path",
     "svg.hashsalt": "nearharmonic",
 }
 
@@ -103,16 +103,16 @@ def keep_inside(figure: Figure) -> None:
         figure.subplots_adjust(left=figure.subplotpars.left - left, right=figure.subplotpars.right + right)
 
 
-def panel_letter(axes: Axes, letter: str | int, says: str = "") -> None:
+def panel_letter(axes: Axes, letter: str | int, says: str = "", y: float = 1.0) -> None:
     """Write a letter, or that of a number from 0, in bold above the upper left corner of ``axes``, and a title."""
     bold = letter if isinstance(letter, str) else ascii_uppercase[letter % len(ascii_uppercase)]
-    axes.set_title(bold, x=0, ha="left", y=1.0, fontsize=9, pad=4, fontweight="bold")
-    axes.set_title(says, loc="left", x=13 / 72 * axes.figure.dpi / axes.bbox.width, y=1.0, fontsize=9, pad=4)
+    axes.set_title(bold, x=0, ha="left", y=y, fontsize=9, pad=4, fontweight="bold")
+    axes.set_title(says, loc="left", x=13 / 72 * axes.figure.dpi / axes.bbox.width, y=y, fontsize=9, pad=4)
 
 
 def right_title(axes: Axes, says: str) -> None:
-    """Write the system and the interval above the upper right corner of ``axes``."""
-    axes.set_title(says, loc="right", y=1.0, fontsize=9, pad=4)
+    """Write the system and the interval above the upper right corner of ``axes``, as high as the panel's letter."""
+    axes.set_title(says, loc="right", y=axes.title.get_position()[1], fontsize=9, pad=4)
 
 
 def lettered(number: int, says: str) -> str:
@@ -160,10 +160,17 @@ def _two_or_five(value: float, axis: Axis) -> str:
     return f"{digit}×{power_of_ten(int(power))}" if exact and digit in "25" else ""
 
 
-def mark_every(position: int, methods: int, points: int, marks: int = 12) -> tuple[int, int]:
-    """Return (first, step) of the points with a marker: about ``marks`` per curve, alternating between methods."""
-    step = max(1, points // marks)
-    return position * step // max(1, methods), step
+def mark_every(position: int, methods: int, values: Any, marks: int = 12) -> list[int]:
+    """Return the indices of the points with a marker: about ``marks``, alternating between methods, and lone points."""
+    step = max(1, len(values) // marks)
+    turns = range(position * step // max(1, methods), len(values), step)
+    return sorted({*turns, *np.flatnonzero(profile.lone(np.asarray(values))).tolist()})
+
+
+def with_lone_points(look: dict[str, Any], values: Any) -> dict[str, Any]:
+    """Return the look of a curve: one without markers gets dots at the points that no line leads to."""
+    lone = np.flatnonzero(profile.lone(values)).tolist()
+    return look | {"marker": ".", "markevery": lone} if lone and look["marker"] == "none" else look
 
 
 def method_handles(integrators: Iterable[str], labels: Iterable[str], **changes: Any) -> list[Line2D]:
@@ -207,28 +214,31 @@ def label_ends(axes: Axes, curves: Iterable[Line2D], *, left: bool = False, size
 
 @house_style
 def save(figure: Figure, places: Sequence[str | os.PathLike[str]], *, transparent: bool = False) -> list[Path]:
-    """Write ``figure`` to each of ``places``, in the format of its ending: .pdf, .svg or .png (200 dpi).
+    """Write ``figure`` to each of ``places``, in the format of its ending: .pdf, .svg or .png (300 dpi).
 
     Each file is written atomically. Equal figures give bitwise identical files: the metadata have no date, and ids of
-    elements have a fixed salt. Text in an SVG file is text; the label of the figure is its description, and what stands
-    before the first colon its title. If ``transparent``, SVG files have no background. The paths are returned.
+    elements have a fixed salt. Text in an SVG file is outlines. The first line of the label of the figure is its title,
+    and the rest its description. If ``transparent``, SVG files have no background. The paths are returned.
     """
-    description = str(figure.get_label())
-    title = description.partition(":")[0]
+    title, _, caption = str(figure.get_label()).partition("\n")
+    try:
+        drawn: Figure = Recording(figure)
+    except NotImplementedError:  # an image has other pixels in each format
+        drawn = figure
     paths = [Path(place) for place in places]
     for path in paths:
         suffix = path.suffix.removeprefix(".")
         if suffix == "png":
-            write_bytes(path, png(figure, 200, title))
+            write_bytes(path, png(drawn, 300, title))
             continue
-        content = BytesIO()  # on a full disk, matplotlib's PDF writer raises an error of its own
-        figure.savefig(
-            content, format=suffix, dpi=200, transparent=transparent and suffix == "svg",
-            metadata={"CreationDate" if suffix == "pdf" else "Date": None} | ({"Title": title} if title else {}),
+        content, is_svg = BytesIO(), suffix == "svg"  # on a full disk, matplotlib's PDF writer raises its own error
+        (figure if transparent and is_svg else drawn).savefig(
+            content, format=suffix, dpi=300, transparent=transparent and is_svg,
+            metadata={"Date" if is_svg else "CreationDate": None} | ({"Title": title} if title else {}),
         )  # fmt: skip
-        described = f"</title>\n <desc>{escape(description)}</desc>".encode()
+        described = f"</title>\n <desc>{escape(caption or title)}</desc>".encode()
         written = content.getvalue()
-        write_bytes(path, written.replace(b"</title>", described, 1) if suffix == "svg" else written)
+        write_bytes(path, written.replace(b"</title>", described, 1) if is_svg else written)
     return paths
 
 
@@ -259,11 +269,15 @@ def png(figure: Figure, dpi: float, title: str = "") -> bytes:
 # --- Benchmark profile, as in Figures 1, 3 and 5: relative energy errors against tau/s --------------------------------
 
 #: Dashes of a curve in extended precision.
-DASHED: dict[str, Any] = {"linestyle": (0, (4, 2)), "marker": "none", "linewidth": 0.9, "zorder": 2}
+DASHED: dict[str, Any] = {"linestyle": (0, (4, 5)), "marker": "none", "linewidth": 0.9, "zorder": 2}
 #: Place of a legend above the panels.
 LEGEND: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.545, 0.995), "ncols": 4, "columnspacing": 1.8}
+#: Units of time in words.
+UNITS = {"h": "hours", "s": "seconds", "d": "days", "yr": "years"}
 #: Rows for which there is space, those of ten methods, and height of a row relative to the height of the figure.
 LEGEND_ROWS, LEGEND_ROW = 3, 0.0195
+#: Height of a row of the strip of diverged runs, largest height of the strip, and gap between panels, in inches.
+STRIP_ROW, STRIP, GAP = 0.03, 0.42, 0.365
 
 
 @house_style
@@ -271,15 +285,16 @@ def draw_profile(cube: xr.Dataset) -> Figure:
     """Draw ``max_energy_error`` (top) and ``mean_energy_error`` (bottom) of every method of ``cube``.
 
     ``cube`` has dimensions (integrator, tau_per_stage), optionally after ``precision`` with "double" (solid, marked)
-    and "extended" (dashed). Infinite errors (diverged runs), NaN (not computed) and zeros leave gaps.
+    and "extended" (dashed). NaN (not computed) and zeros leave gaps; diverged runs are in a strip above the panel.
     """
-    curves = lines(cube)
+    curves = profile.lines(cube)
     handles = method_handles(map(str, cube["integrator"].values), map(str, cube["label"].values))
     if any(line.extended for line in curves):
         handles.append(Line2D([], [], color="#404040", linestyle=DASHED["linestyle"], label="extended precision"))
     unit = cube["tau_per_stage"].attrs.get("units", "1")
-    drawn = draw_profiles(curves, [DASHED if line.extended else {} for line in curves], handles, unit, [cube])
-    right_title(drawn.axes[0], problem_of(cube, unit))
+    looks = [DASHED | {"linestyle": line.dashes()} if line.extended else {} for line in curves]
+    drawn = draw_profiles(curves, looks, handles, unit, [cube])
+    right_title(drawn.axes[0], profile.problem_of(cube, unit))
     return drawn
 
 
@@ -296,24 +311,32 @@ def draw_profiles(
     ``looks`` are changes of the style of each curve, ``handles`` the entries of the legend. Of the Datasets ``given``
     the first has the attributes of the errors, and any may have a floor.
     """
-    attributes = given[0]["max_energy_error"].attrs
-    drawn = new_figure(7, 8.2)
+    attributes, height = given[0]["max_energy_error"].attrs, 8.2
+    drawn = new_figure(7, height)
     spare = LEGEND_ROW * max(0, LEGEND_ROWS - -(-len(handles) // LEGEND["ncols"]))
-    drawn.subplots_adjust(left=0.105, right=0.985, top=0.885 + spare, bottom=0.062, hspace=0.115)
-    panels = dict(zip(PANELS, drawn.subplots(len(PANELS), 1, sharex=True, sharey=True), strict=True))
-    for number, (variable, statistic) in enumerate(PANELS.items()):
+    strips = {variable: profile.beyond(curves, variable) for variable in profile.PANELS}
+    strip = min(STRIP, STRIP_ROW * max(len(rows) for rows, _ in strips.values())) / height
+    top, bottom, gap = 0.885 + spare - strip, 0.062, GAP / height + strip
+    frame = (top - bottom - gap) / len(profile.PANELS)
+    drawn.subplots_adjust(left=0.105, right=0.985, top=top, bottom=bottom, hspace=gap / frame)
+    panels = dict(zip(profile.PANELS, drawn.subplots(len(profile.PANELS), 1, sharex=True, sharey=True), strict=True))
+    styles = [style_of(line.integrator).line(**{"zorder": 3, **look}) for line, look in zip(curves, looks, strict=True)]
+    for number, (variable, statistic) in enumerate(profile.PANELS.items()):
         axes = panels[variable]
-        for line, look in zip(curves, looks, strict=True):
-            marks = mark_every(*line.turn, line.runs["tau_per_stage"].size)
-            style = style_of(line.integrator).line(**{"zorder": 3, **look})
-            axes.plot(line.runs["tau_per_stage"].values, line.runs[variable].values, markevery=marks, **style)
+        for line, style in zip(curves, styles, strict=True):
+            errors = line.runs[variable].values
+            look = {"markevery": mark_every(*line.turn, errors)} | with_lone_points(style, errors)
+            axes.plot(line.runs["tau_per_stage"].values, errors, **look)
+        if strips[variable][0]:
+            above = axes.inset_axes((0, 1, 1, strip / frame), sharex=axes)
+            _draw_strip(above, *strips[variable], [style["color"] for style in styles])
         axes.set_ylabel(error_label(attributes, r"\max\," if statistic == "maximum" else rf"\mathrm{{{statistic}}}\,"))
-        panel_letter(axes, number, f"{statistic} {range_of(attributes)}")
+        panel_letter(axes, number, f"{statistic} {profile.range_of(attributes)}", 1 + strip / frame)
     upper, *_, lower = panels.values()
     upper.margins(x=0.02, y=0.03)
     log_scale(upper, "xy")
-    if upper.get_ylim()[1] > LARGEST_ERROR:
-        upper.set_ylim(top=LARGEST_ERROR)
+    if upper.get_ylim()[1] > profile.LARGEST_ERROR:
+        upper.set_ylim(top=profile.LARGEST_ERROR)
     for variable, axes in panels.items():
         if say_if_empty(axes, [line.runs[variable].values for line in curves]):
             taus = np.concatenate([line.runs["tau_per_stage"].values for line in curves])
@@ -321,14 +344,32 @@ def draw_profiles(
         else:
             _slope_guide(axes)
             draw_floor(axes, given, variable)
-    lower.set_xlabel(r"step size per stage, $\tau/s$" + ("" if unit == "1" else f"  ({unit})"))
+    lower.set_xlabel(step_label(unit))
     drawn.legend(handles=handles, **LEGEND)
     return drawn
 
 
+def _draw_strip(axes: Axes, rows: Sequence[Any], name: str, colours: Sequence[str]) -> None:
+    """Draw the rows of ``profile.beyond``, a square for each run; ``colours`` are those of all curves."""
+    look: Any = {"linestyle": "none", "marker": "s", "markersize": 1.9, "markeredgewidth": 0}
+    for row, (curve, runs) in enumerate(rows):
+        taus = runs["tau_per_stage"].values
+        axes.plot(taus, np.full(taus.size, row), color=colours[curve], **look)
+    axes.margins(x=0.02)
+    axes.set(ylim=(len(rows) - 0.2, -0.8), yticks=[], facecolor="#f6f6f6")
+    axes.xaxis.set_visible(False)
+    axes.set_ylabel(name, rotation=0, ha="right", va="center", fontsize=7.5, labelpad=3, linespacing=0.95)
+
+
+def step_label(unit: str) -> str:
+    """Return the label of an axis of step sizes per stage, with its unit in words."""
+    in_words = "" if unit == "1" else f", {UNITS.get(unit, unit)}"
+    return rf"step size per stage, $\tau/s$ ($s$ stages){in_words}"
+
+
 def error_label(attributes: Mapping[str, str], statistic: str = "") -> str:
     """Return the label of an axis of energy errors with these attributes, in the notation of matplotlib."""
-    return energy_error_label(attributes, rf"${statistic}|\Delta H|$", rf"${statistic}|\Delta H/H_0|$")
+    return profile.energy_error_label(attributes, rf"${statistic}|\Delta H|$", rf"${statistic}|\Delta H/H_0|$")
 
 
 def say_if_empty(axes: Axes, errors: Iterable[Any]) -> bool:
@@ -346,17 +387,17 @@ def say_if_empty(axes: Axes, errors: Iterable[Any]) -> bool:
 
 def draw_floor(axes: Axes, given: Sequence[xr.Dataset], variable: str) -> None:
     """Draw :func:`floor_near`, unless it is 0, on axes with logarithmic energy errors."""
-    if floor := floor_near(given, variable):
+    if floor := profile.floor_near(given, variable):
         axes.axhline(floor, color="#595959", linewidth=0.7, linestyle=(0, (1, 1.5)), zorder=1.5)
         look = {"color": "#595959", "ha": "right", "xycoords": axes.get_yaxis_transform()}
-        write_beside(axes, floor_name(floor), (0.99, floor), (0, 2), **look)
+        write_beside(axes, profile.floor_name(floor), (0.99, floor), (0, 2), **look)
 
 
 def _slope_guide(axes: Axes) -> None:
     """Draw two short lines of slope 4 and 6 in the empty lower right corner, for comparison with curves."""
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
-    length = min(4.0, (right / left) ** 0.2)
-    start_x, start_y = right / length**1.8, low * (high / low) ** 0.09
+    length = min(4.0, (right / left) ** 0.14)
+    start_x, start_y = right * (left / right) ** 0.32, low * (high / low) ** 0.09
     for order in (4, 6):
         x, y = start_x * length, start_y * length**order
         axes.plot([start_x, x], [start_y, y], color="#8a8a8a", linewidth=1.0, scalex=False, scaley=False, zorder=1.5)

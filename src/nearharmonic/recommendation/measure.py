@@ -386,8 +386,9 @@ def cross(errors: Sequence[float], columns: Sequence[Sequence[float]], target: f
     points = [tuple(float(column[j]) for column in columns) for j in range(i, len(errors)) if errors[j] <= target]
     above, below = (errors[i - 1], errors[i]) if i else (inf, errors[0])
     if isfinite(above) and below > 0:
-        weight = (log(above) - log(target)) / (log(above) - log(below))
-        points.insert(0, tuple(_between(column[i - 1], column[i], weight) for column in columns))
+        w = (log(above) - log(target)) / (log(above) - log(below))
+        pairs = [(float(column[i - 1]), float(column[i])) for column in columns]
+        points.insert(0, tuple(exp((1 - w) * log(a) + w * log(b)) if a > 0 and b > 0 else b for a, b in pairs))
     return "reached" if i else "below throughout", min(points, key=lambda row: row[0])
 
 
@@ -404,12 +405,6 @@ def for_good(errors: Sequence[float]) -> list[float]:
     return [float(error) for error in np.maximum.accumulate(usable[end::-1])[::-1]]
 
 
-def _between(first: float, second: float, weight: float) -> float:
-    if not (first > 0 and second > 0):
-        return float(second)
-    return exp((1 - weight) * log(first) + weight * log(second))
-
-
 def crossing(curve: xr.Dataset, measure: str, target: float, mode: str = "trajectory") -> Crossing:
     """Find where a curve reaches ``target`` in ``measure`` (key of :data:`MEASURES`), by its times in ``mode``."""
     times = curve[f"time_{mode}"].values
@@ -423,7 +418,7 @@ def ranking(
     curves: Iterable[xr.Dataset], measure: str, target: float, mode: str = "trajectory"
 ) -> list[tuple[xr.Dataset, Crossing]]:
     """Return ``curves`` with their crossings, the fastest first, and last the curves that do not reach ``target``."""
-    pairs = [(curve, crossing(curve, measure, target, mode)) for curve in curves]
+    pairs = ((curve, crossing(curve, measure, target, mode)) for curve in curves)
     return sorted(pairs, key=lambda pair: pair[1].time if isfinite(pair[1].time) else inf)
 
 

@@ -241,13 +241,10 @@ def _library_choice(curve: xr.Dataset, search: Search) -> Choice:
     settings = [] if first is None else [i for i in errors if i >= first and not isnan(times[i])]
     # A looser tolerance may cost more: the coarsest setting is not always the fastest.
     best = min(settings or errors, key=times.__getitem__ if settings else lambda i: (isnan(errors[i]), errors[i]))
-    return replace(
-        choice,
-        status="met" if settings else "missed",
-        error=errors[best],
-        time=times[best] if settings else nan,
-        **{name: curve[name].values[best].item() for name in SHARED},
-    )
+    shared = {name: curve[name].values[best].item() for name in SHARED}
+    if not settings:
+        return replace(choice, status="missed", error=errors[best], **shared)
+    return replace(choice, status="met", error=errors[best], time=times[best], **shared)
 
 
 # --- The ranking in words, and as a Dataset ---------------------------------------------------------------------------
@@ -258,17 +255,15 @@ def is_rounding(choice: Choice, search: Search) -> bool:
     return search.measure != "position" and choice.error <= NEAR_FLOOR * search.floor
 
 
-def printed_step(t_end: str, tau: float, steps: int) -> str:
-    """Return ``tau`` in the fewest digits, four at least, that give ``steps`` steps over [0, ``t_end``] again."""
-    texts = (f"{tau:.{digits}g}" for digits in range(DIGITS, 18))
-    return next(text for text in texts if steps_of(t_end, float(text)) == steps)
-
-
 def step_text(choice: Choice, t_end: str) -> str | None:
-    """Return the step of a choice as :func:`printed_step` prints it, or None if it has a tolerance in its place."""
-    if not isfinite(choice.tau):
-        return None
-    return printed_step(t_end, choice.tau, int(choice.steps)) if isfinite(choice.steps) else f"{choice.tau:.{DIGITS}g}"
+    """Return the step of a choice in the fewest digits, four at least, that give its number of steps again.
+
+    It is None if the choice has a tolerance in place of a step.
+    """
+    texts = (f"{choice.tau:.{digits}g}" for digits in range(DIGITS, 18))
+    steps = choice.steps
+    fits = (text for text in texts if not isfinite(steps) or steps_of(t_end, float(text)) == steps)
+    return next(fits) if isfinite(choice.tau) else None
 
 
 def _at_best(choice: Choice, search: Search) -> str:

@@ -25,19 +25,7 @@ from nearharmonic.integrators import blanes_moan_2002, integrators, load_tableau
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.portable import Floats, quasi_random
 from nearharmonic.numerics.written import ALL_DIGITS, exact_value
-from nearharmonic.recommendation.measure import (
-    LOSSLESS,
-    MARGIN,
-    MEASURES,
-    NAMES,
-    POSITION_ROUNDING,
-    ROUNDING,
-    Interval,
-    errors_of,
-    fewest_for_good,
-    ladder,
-    measured_errors,
-)
+from nearharmonic.recommendation import measure as engine
 from nearharmonic.registry import is_path, split_path
 from nearharmonic.systems import System, systems
 from nearharmonic.systems.quantities import is_list
@@ -60,7 +48,7 @@ SEARCHED, MOST_STARTS = 8, 1024
 #: bound at which a step is confirmed.
 PERTURBED, LONGER, CONFIRMED = 3, 4, 2
 #: Errors of a run: that of the requested measure, and both of energies.
-ERRORS = ("error", MEASURES["max"], MEASURES["mean"])
+ERRORS = ("error", engine.MEASURES["max"], engine.MEASURES["mean"])
 #: Ratio of numbers of steps that are tried one after the other until a step is confirmed.
 FINER = 1.1
 
@@ -120,7 +108,7 @@ class Search:
         p0: object = None, methods: object = None, budget: object = None,
     ) -> None:  # fmt: skip
         self.error = checked_tau(error, "error")
-        self.measure = one_of("measure", measure, tuple(MEASURES))
+        self.measure = one_of("measure", measure, tuple(engine.MEASURES))
         self.budget = EVALUATIONS if budget is None else checked_count("budget", budget, MOST_STEPS)
         if t_end is not None:
             positive("t_end", t_end)
@@ -136,7 +124,7 @@ class Search:
             raise bad_setting("measure", self.measure, allowed)
         # A run of one step refuses a start where the energy is no number, and says what errors are relative to.
         run = sweep(self.system, ANY, [float(problem.end)], t_end=problem.t_end)
-        self.energy_attributes = {name: run[name].attrs for name in (MEASURES["max"], MEASURES["mean"])}
+        self.energy_attributes = {name: run[name].attrs for name in (engine.MEASURES["max"], engine.MEASURES["mean"])}
         self.floor: float = run.attrs.get("energy_floor", 0.0)
         energies = problem.run([1] * len(self.starts), 2, start=self.starts).energy
         for i in np.flatnonzero(~np.isfinite(energies)):
@@ -153,10 +141,10 @@ class Search:
         self.longest = self.budget * 5 // 4
 
     @cached_property
-    def problem(self) -> Interval:
+    def problem(self) -> engine.Interval:
         """The interval, with its exact position if that is measured; SettingError: there is no reference for it."""
         exact = reference(self.system, self.t_end) if self.measure == "position" else None
-        return Interval(self.system, self.t_end, exact, checked_scale(self.system.energy_scale))
+        return engine.Interval(self.system, self.t_end, exact, checked_scale(self.system.energy_scale))
 
     @cached_property
     def orbits(self) -> Orbits:
@@ -177,8 +165,8 @@ class Search:
     def quantity(self) -> str:
         """Bounded quantity: relative to |H0|, or to an energy that the system chooses, or in a unit."""
         if self.measure == "position":
-            return NAMES[self.measure]
-        notes = self.energy_attributes[MEASURES[self.measure]]
+            return engine.NAMES[self.measure]
+        notes = self.energy_attributes[engine.MEASURES[self.measure]]
         words, unit = notes["long_name"].partition(" over every step")[0], notes["units"]
         return self.over_members + (words if unit == "1" else f"{words} in {unit}")
 
@@ -264,19 +252,19 @@ class Search:
         least, last = self._least(tableau), max(errors, default=0)
         if least <= last and errors[last] <= self.bound:
             first, finest = max(least, last // 2), min(most, REACH * last)
-            rungs = sorted({first, last, finest, *ladder(most if dense else finest)})
+            rungs = sorted({first, last, finest, *engine.ladder(most if dense else finest)})
 
             def largest(steps: Sequence[int]) -> list[float]:
                 error = self._errors(tableau, steps, self.few)["error"]
                 return list(map(float, error.reshape(len(steps), -1).max(axis=1)))
 
-            floor = POSITION_ROUNDING if self.measure == "position" else ROUNDING
-            errors |= measured_errors(largest, [n for n in rungs if first <= n <= finest], self.bound, floor)
-            fewest = fewest_for_good({n: error for n, error in errors.items() if n >= least}, self.bound)
+            floor = engine.POSITION_ROUNDING if self.measure == "position" else engine.ROUNDING
+            errors |= engine.measured_errors(largest, [n for n in rungs if first <= n <= finest], self.bound, floor)
+            fewest = engine.fewest_for_good({n: error for n, error in errors.items() if n >= least}, self.bound)
             met = choice if fewest is None else self._confirmed(choice, fewest, sorted(n for n in errors if n > fewest))
             if met.status == "met":
                 plain = self._run(met, int(met.steps), "plain")
-                lossless = all(getattr(plain, name) <= LOSSLESS * getattr(met, name) for name in ERRORS)
+                lossless = all(getattr(plain, name) <= engine.LOSSLESS * getattr(met, name) for name in ERRORS)
                 return plain if lossless and plain.error <= self.bound else met
         within = [n for n in errors if tableau.evaluations(n) <= self.budget]
         if least > self.budget // tableau.stages:
@@ -302,13 +290,13 @@ class Search:
         """
         met = missed
         while self.methods[missed.method].evaluations(steps) <= self.budget:
-            if met.status == "met" and steps > MARGIN * met.steps:
+            if met.status == "met" and steps > engine.MARGIN * met.steps:
                 break
             choice = self._run(missed, steps)
             # The iterations of an implicit method are known afterwards.
             if choice.evaluations <= self.budget and choice.error <= self.bound:
                 own = choice.max_energy_error if self.problem.exact else self.error
-                limit = CONFIRMED * max(own, 10 * ROUNDING) + 10 * self.floor
+                limit = CONFIRMED * max(own, 10 * engine.ROUNDING) + 10 * self.floor
                 error = self._further_error(choice)
                 choice = replace(choice, status="met", further_error=error, confirmed=error <= limit)
                 if choice.confirmed:
@@ -321,7 +309,7 @@ class Search:
     def _further_error(self, choice: Choice) -> float:
         """Largest energy error of the runs that confirm a choice."""
         tableau, steps = self.methods[choice.method], int(choice.steps)
-        name = MEASURES["max" if self.problem.exact else self.measure]
+        name = engine.MEASURES["max" if self.problem.exact else self.measure]
         longer = self._errors(tableau, [LONGER * steps], self.few, times=LONGER)
         others = self._errors(tableau, [steps], self.taken if len(self.taken) > 1 else self._perturbed())
         errors = np.concatenate([longer[name], others[name]])
@@ -339,15 +327,14 @@ class Search:
         self, tableau: Tableau, steps: Sequence[int], starts: Floats, summation: str = "compensated", times: int = 1
     ) -> dict[str, Floats]:
         """Return :func:`errors_of`, and in the requested measure as ``error``, infinite where it is no number."""
-        errors = errors_of(self.problem, tableau, steps, summation, starts, times)
-        error = errors[MEASURES[self.measure]]
+        errors = engine.errors_of(self.problem, tableau, steps, summation, starts, times)
+        error = errors[engine.MEASURES[self.measure]]
         return {**errors, "error": np.where(np.isnan(error), inf, error)}
 
 
 def _evenly(rows: Floats, most: int) -> Floats:
     """Return at most so many of ``rows``, in even distances."""
-    chosen: Floats = rows[np.linspace(0, len(rows) - 1, min(most, len(rows))).astype(int)]
-    return chosen
+    return np.asarray(rows[np.linspace(0, len(rows) - 1, min(most, len(rows))).astype(int)])
 
 
 # --- What a user may give: methods and starts, and their Python code --------------------------------------------------
@@ -480,8 +467,7 @@ def _largest_eigenvalues(system: System, points: Floats, extents: Floats) -> Flo
         size = np.maximum(size, np.abs(diagonal))
     usable = np.isfinite(matrices).all(axis=(1, 2)) & np.isfinite(length)
     values, vectors = np.linalg.eigh(matrices[usable])
-    largest: Floats = values[:, -1] + length[usable] * np.abs(vectors[:, -1, -1])
-    return largest
+    return np.asarray(values[:, -1] + length[usable] * np.abs(vectors[:, -1, -1]))
 
 
 def _hessian_times(system: System, points: Floats, extents: Floats, which: int, vectors: Floats) -> Floats:
@@ -501,5 +487,4 @@ def _hessian_times(system: System, points: Floats, extents: Floats, which: int, 
         start=rows.reshape(2 * M, -1), numerics=Numerics(energy="none", summation="plain"),
     )  # fmt: skip
     ahead, behind = (paths.q if which else -paths.p).reshape(2, M, D)
-    product: Floats = (ahead - behind) / (2 * DIFFERENCE) * np.where(size > 0, size, 1)
-    return product
+    return np.asarray((ahead - behind) / (2 * DIFFERENCE) * np.where(size > 0, size, 1))

@@ -650,30 +650,12 @@ def formulas_of(system: Any, potential: Energy, kinetic_energy: Energy) -> Formu
     V is a function of the integrated coordinates, which include the time if V depends on it, T of the system's momenta.
     """
     T, grad_T = kinetic_energy.function, with_parameters(system.grad_T, len(system.parameters))
-    derived = isinstance(system.grad_V, DerivedGradient)
-    if not system.time_dependent:
-        V, grad_V = system.V, potential.gradient if derived else system.grad_V
-    else:
-        V, grad_V = (
-            potential.function,
-            potential.gradient if derived else partial(extended_force, system.grad_V, potential),
-        )
+    grad_V = None if isinstance(system.grad_V, DerivedGradient) else system.grad_V
+    if system.time_dependent:
+        grad_V = grad_V and partial(extended_force, grad_V, potential)
         T, grad_T = partial(extended_T, T), partial(extended_velocity, grad_T)
     kinetic = Energy(system.name, "T", T, potential.dimension, kinetic_energy.parameters)
-    return Formulas(
-        name=system.name,
-        dimension=potential.dimension,
-        V=V,
-        grad_V=grad_V,
-        T=T,
-        grad_T=grad_T,
-        grad_V_and_V=potential.gradient_and_value if derived else lambda q, *given: (*grad_V(q, *given), V(q, *given)),
-        balanced_T=kinetic.balanced,
-        hessian_V_times=potential.hessian_times,
-        hessian_T_times=kinetic.hessian_times,
-        acceleration=partial(_acceleration, system, kinetic_energy),
-        energies=(potential, kinetic),
-    )
+    return _of_energies(potential, kinetic, grad_V, grad_T, partial(_acceleration, system, kinetic_energy))
 
 
 def regularised_formulas(system: Any) -> Formulas:
@@ -689,24 +671,35 @@ def regularised_formulas(system: Any) -> Formulas:
         )
     maps = RegularisedFormulas(given, places.index(given.gravity), system.dimension)
     constants = system.constants(Constant)
-    V, T = (
-        Energy(system.name, name, formula, maps.coordinates, constants)
-        for name, formula in (("V", maps.V), ("T", maps.T))
-    )
+    V = Energy(system.name, "V", maps.V, maps.coordinates, constants)
+    T = Energy(system.name, "T", maps.T, maps.coordinates, constants)
+
+    def without_last(x: Vector, *_: Any) -> Vector:
+        return *x[:-1], Constant(0)
+
+    return _of_energies(V, T, None, without_last, without_last, maps)
+
+
+def _of_energies(
+    potential: Energy, kinetic: Energy, grad_V: Any, grad_T: Any, acceleration: Any,
+    regularised: RegularisedFormulas | None = None,
+) -> Formulas:  # fmt: skip
+    """Return the formulas of V and T; the gradient of V is derived if ``grad_V`` is None."""
+    V, derived = potential.function, grad_V is None
     return Formulas(
-        name=system.name,
-        dimension=maps.coordinates,
-        V=maps.V,
-        grad_V=V.gradient,
-        T=maps.T,
-        grad_T=lambda p, *_: (*p[:-1], Constant(0)),
-        grad_V_and_V=V.gradient_and_value,
-        balanced_T=T.balanced,
-        hessian_V_times=V.hessian_times,
-        hessian_T_times=T.hessian_times,
-        acceleration=lambda force, *_: (*force[:-1], Constant(0)),
-        energies=(V, T),
-        regularised=maps,
+        name=potential.name,
+        dimension=potential.dimension,
+        V=V,
+        grad_V=potential.gradient if derived else grad_V,
+        T=kinetic.function,
+        grad_T=grad_T,
+        grad_V_and_V=potential.gradient_and_value if derived else lambda q, *given: (*grad_V(q, *given), V(q, *given)),
+        balanced_T=kinetic.balanced,
+        hessian_V_times=potential.hessian_times,
+        hessian_T_times=kinetic.hessian_times,
+        acceleration=acceleration,
+        energies=(potential, kinetic),
+        regularised=regularised,
     )
 
 

@@ -70,8 +70,6 @@ class NumbaPotential:
                     "takes a plain Python function"
                 )
             return emitted
-        import numpy as np
-
         function = getattr(self, formula)
         arrays = np.broadcast_arrays(*(np.asarray(x, float) for x in numbers))
         table = np.stack([x.ravel() for x in arrays], axis=-1)
@@ -130,8 +128,6 @@ class NumbaEnergy(Energy):
 
     def hessian_times(self, x: Vector, vector: Vector, *parameters: Any) -> Vector:
         """Return the Hessian times ``vector`` by a central difference of gradients, in double precision."""
-        import numpy as np
-
         point, along = (np.array(np.broadcast_arrays(*y), float) for y in (x, vector))
         size = np.maximum(np.abs(point).max(axis=0), 2.0**-500) / np.maximum(np.abs(along).max(axis=0), 2.0**-500)
         step = DIFFERENCE * size * along

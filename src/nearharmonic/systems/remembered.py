@@ -38,8 +38,7 @@ class remembered(Generic[Result]):
         if found is None:
             found = vars(system)[self._name] = cache(partial(self._evaluated, system))
             self._systems.add(system)
-        result: Result = found(*args, **settings)
-        return result
+        return cast("Result", found(*args, **settings))
 
     def _evaluated(self, system: Any, *args: Any, **settings: Any) -> Result:
         result = self._function(system, *args, **settings)

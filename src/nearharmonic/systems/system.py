@@ -14,7 +14,8 @@ from nearharmonic.core.expression import Graph
 from nearharmonic.core.number import Constant, vector
 from nearharmonic.errors import SystemDefinitionError, naming_arguments
 from nearharmonic.numerics.written import decimal
-from nearharmonic.registry import load_file, near_miss, pickled, split_path
+from nearharmonic.registry import facts_table, line, load_file, near_miss, pickled, split_path
+from nearharmonic.systems import quantities
 from nearharmonic.systems.formulas import (
     DerivedGradient,
     Energy,
@@ -31,18 +32,7 @@ from nearharmonic.systems.formulas import (
     with_parameters,
 )
 from nearharmonic.systems.numba_potential import NumbaEnergy, given_function, numba_potential, potential_of
-from nearharmonic.systems.quantities import (
-    UNITS,
-    Observable,
-    Parameter,
-    ReadOnly,
-    Vector,
-    check_members,
-    check_numbers,
-    fixed,
-    is_list,
-    written_frequencies,
-)
+from nearharmonic.systems.quantities import Observable, Parameter, Vector
 from nearharmonic.systems.remembered import read_by
 
 # --- Comparison of the signatures of formulas with the arguments of their calls.
@@ -209,7 +199,7 @@ class System:
     q0: tuple[str, ...]
     p0: tuple[str, ...]
     t_end: str
-    units: Mapping[str, str] = field(default_factory=lambda: dict.fromkeys(UNITS, "1"))
+    units: Mapping[str, str] = field(default_factory=lambda: dict.fromkeys(quantities.UNITS, "1"))
     source: str = "defined by its user"
     T: Callable[..., Any] = quadratic_T
     grad_T: Callable[..., Vector] = None  # type: ignore[assignment]
@@ -231,13 +221,13 @@ class System:
     surface_reason: str = "the energy error is as large as the energy itself"
 
     def __post_init__(self) -> None:
-        check_members(self)
+        quantities.check_members(self)
         self._write_out()
         if len(self.q0) != len(self.p0) or not self.q0:
             raise SystemDefinitionError(
                 f"{self.name}: q0 has {len(self.q0)} components and p0 {len(self.p0)}, expected equal and >= 1"
             )
-        check_numbers(self)
+        quantities.check_numbers(self)
         self._set_kinetic_energy()
         numba = potential_of(self)
         if numba is not None:
@@ -252,7 +242,7 @@ class System:
         if self.gravity and not (set(self.parameters) == {"GM"} and self.unit_masses):
             raise SystemDefinitionError(f"{self.name}: gravity means T = p.p/2 and GM as the only parameter")
         if self.frequencies is not None:
-            written_frequencies(self)
+            quantities.written_frequencies(self)
         check_arguments(self)
         self.read_again()
 
@@ -371,13 +361,9 @@ class System:
         }
 
     def __repr__(self) -> str:
-        from nearharmonic.registry import line
-
         return line("System", self.facts)
 
     def _repr_html_(self) -> str:
-        from nearharmonic.registry import facts_table
-
         return facts_table("System", self.facts)
 
     def _write_out(self) -> None:
@@ -393,20 +379,18 @@ class System:
             for key, f in observables.items()
         }
         given = ((key, getattr(self, key)) for key in ("q0", "p0"))
-        rows = {key: tuple(map(decimal, x if is_list(x) else (x,))) for key, x in given}
+        rows = {key: tuple(map(decimal, x if quantities.is_list(x) else (x,))) for key, x in given}
         rows |= {key: decimal(getattr(self, key)) for key in ("t_end", "position_t_end", "energy_scale")}
-        rows |= {key: fixed(getattr(self, key)) for key in ("masses", "frequencies")}
+        rows |= {key: quantities.fixed(getattr(self, key)) for key in ("masses", "frequencies")}
         mappings = {"units": self.units, "parameters": named, "invariants": self.invariants, "observables": observed}
-        read_only = {key: ReadOnly(value) for key, value in mappings.items()}
+        read_only = {key: quantities.ReadOnly(value) for key, value in mappings.items()}
         for key, value in {"label": self.label or self.name, **rows, **read_only}.items():
             object.__setattr__(self, key, value)
 
     def _set_kinetic_energy(self) -> None:
         """Set T from ``masses``, and grad_T if it is not given; in a copy both may come from the original."""
         gradient: Any = self.grad_T  # None if it is left out
-        made = isinstance(gradient, DerivedGradient) or isinstance(
-            getattr(gradient, "__self__", None), MassKineticEnergy
-        )
+        made = isinstance(getattr(gradient, "__self__", gradient), DerivedGradient | MassKineticEnergy)
         left_out = made or gradient is None or gradient is quadratic_grad_T
         try:
             T = of_masses(self.masses, self.T, self.dimension, tuple(self.parameters), alone=left_out)
@@ -429,12 +413,11 @@ class System:
                     object.__setattr__(self, name, getattr(System, name))
         object.__setattr__(self, "declared_for", {name: getattr(self, name) for name in ("V", "T", *DECLARED)})
 
-    def __copy__(self) -> System:
+    def __copy__(self, _: Any = None) -> System:
         """Return the system itself, which cannot change."""
         return self
 
-    def __deepcopy__(self, _: Any) -> System:
-        return self
+    __deepcopy__ = __copy__
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle a registered system by its name, the system of a file by its path, and any other by its fields.

@@ -260,13 +260,12 @@ def _first_power(tableau: Tableau, of: Callable[..., tuple[Fraction, ...]]) -> i
     A matrix entry is the sum of all words of n letters of the step. The total error of these words is at most m
     10^-digits M^(n-1) / (n-1)!, which is less than the error allowed for their logarithm.
     """
-    sizes = ((n, map(abs, of(*rotation_errors(tableau, n)))) for n in count(1))
-    return next(n for n, found in sizes if any(x > 2 * tolerance(tableau, n) for x in found))
+    found = ((n, of(*rotation_errors(tableau, n)), 2 * tolerance(tableau, n)) for n in count(1))
+    return next(n for n, errors, allowed in found if any(abs(x) > allowed for x in errors if x))
 
 
 def _highest(tableau: Tableau, asked: int | None) -> int:
-    declared = max(HIGHEST, min(tableau.order, HIGHEST_DECLARED))
-    return declared if asked is None else _integer("highest", asked)
+    return max(HIGHEST, min(tableau.order, HIGHEST_DECLARED)) if asked is None else _integer("highest", asked)
 
 
 def _integer(key: str, number: Any) -> int:

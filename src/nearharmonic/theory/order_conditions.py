@@ -20,14 +20,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from functools import cached_property, lru_cache
-from math import ceil, factorial, lcm
+from math import ceil, factorial, gcd
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nearharmonic.exact.lie import Condition, conditions, logarithm_weights, lyndon_words
-from nearharmonic.exact.words import LETTERS, Factor, Step, composed, logarithm, word_slopes, word_sums
+from nearharmonic.exact.words import LETTERS, Factor, Step, composed, scaled_logarithm, word_slopes, word_sums
 from nearharmonic.integrators.tableau import Composition, First, Tableau
 from nearharmonic.numerics.portable import Floats
 
@@ -36,6 +36,7 @@ HIGHEST_DECLARED = 10
 
 
 @lru_cache(maxsize=1024)
+@lru_cache(maxsize=512)
 def tolerance(tableau: Tableau, degree: int) -> Fraction:
     """Return the tolerance of a condition of ``degree`` for the guaranteed digits: the bound above."""
     count = len(step_of(tableau)) if tableau.modified else 2 * tableau.stages + 1
@@ -96,11 +97,11 @@ def errors_of(tableau: Tableau, degree: int) -> tuple[tuple[int, ...], int]:
 
 def errors_on_words(step: Sequence[Factor], degree: int) -> tuple[tuple[int, ...], int]:
     """Return the result of :func:`errors_of` for any step of rational numbers, symmetric or not."""
-    words = lyndon_words(degree)
-    found = logarithm(step, words)
-    errors = [found[word] - (degree == 1) for word in words]
-    unit = lcm(*(x.denominator for x in errors))
-    return tuple(x.numerator * (unit // x.denominator) for x in errors), unit
+    found, scale = scaled_logarithm(step, lyndon_words(degree))
+    unit = scale[degree]
+    errors = [x - unit * (degree == 1) for x in found.values()]
+    shared = gcd(unit, *errors)
+    return tuple(x // shared for x in errors), unit // shared
 
 
 def weighted(row: Condition, errors: tuple[tuple[int, ...], int]) -> Fraction:

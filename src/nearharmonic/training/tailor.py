@@ -21,6 +21,7 @@ from nearharmonic.numerics.portable import Floats
 from nearharmonic.systems.system import System
 from nearharmonic.theory.order import harmonic_order
 from nearharmonic.theory.oscillator import stability_limit
+from nearharmonic.training import question as asking
 from nearharmonic.training.family import Family, palindrome_lines, published
 from nearharmonic.training.objective import (
     LEAST,
@@ -31,21 +32,7 @@ from nearharmonic.training.objective import (
     mean_errors,
     tableau_of,
 )
-from nearharmonic.training.question import (
-    CHARGE,
-    RADIANS,
-    STEP,
-    Orbit,
-    TailorRequest,
-    check_window,
-    contenders,
-    orbit_of,
-    question,
-    registered,
-    starts_of,
-    step_sizes,
-    window_at,
-)
+from nearharmonic.training.question import question
 from nearharmonic.training.search import Effort, Found, Searcher, Start, library, starts_in
 
 
@@ -361,7 +348,7 @@ def comparison(
 
 def _logarithms(ensemble: Ensemble, methods: Sequence[Tableau], tau_per_stage: Floats) -> Floats:
     """Return log10 max |dH| (methods, T, M)."""
-    errors = np.stack([errors_of(ensemble, one, tau_per_stage.tolist(), CHARGE) for one in methods])
+    errors = np.stack([errors_of(ensemble, one, tau_per_stage.tolist(), asking.CHARGE) for one in methods])
     found: Floats = np.log10(np.maximum(errors, LEAST))
     return found
 
@@ -383,7 +370,7 @@ class Tailored:
     methods of other authors, on the starts of the test.
     """
 
-    question: TailorRequest
+    question: asking.TailorRequest
     window: tuple[float, float]
     ensemble: Ensemble
     held_out: Ensemble
@@ -402,7 +389,7 @@ class Tailored:
     def call(self) -> str:
         """Python code that runs the best registered method in the middle of the window."""
         best, middle = self.test.overall, sqrt(self.window[0] * self.window[1])
-        tau = float(f"{middle * (best.stages + CHARGE * best.gradients):.3g}")
+        tau = float(f"{middle * (best.stages + asking.CHARGE * best.gradients):.3g}")
         return f"nh.integrate({self.question.given}, {best.name!r}, {tau:g})"
 
     @cached_property
@@ -497,7 +484,7 @@ def _quoted(text: str) -> str:
 
 # --- ``nearharmonic.tailor``: starts, window, search, digits and test of a method for one system, in this order.
 
-Starts = Callable[[TailorRequest, Orbit], tuple[Ensemble, Ensemble]]
+Starts = Callable[[asking.TailorRequest, asking.Orbit], tuple[Ensemble, Ensemble]]
 
 #: Ratio of the lengths of runs of the test and of the search.
 LONGER = 4.0
@@ -589,22 +576,22 @@ def tailor(
 
 
 def tailored(
-    asked: TailorRequest, show: Callable[[float, float], None] | None = None, starts: Starts | None = None
+    asked: asking.TailorRequest, show: Callable[[float, float], None] | None = None, starts: Starts | None = None
 ) -> Tailored:
     """Return the tailored method and its test.
 
     ``show`` is called with the spent fraction of the budget and the smallest objective. ``starts`` returns the starts
     of the search and those of the test in place of :func:`ensembles`.
     """
-    subject, methods = asked.system, registered(asked.system)
-    orbit = orbit_of(subject)
+    subject, methods = asked.system, asking.registered(asked.system)
+    orbit = asking.orbit_of(subject)
     ensemble, held_out = (starts or ensembles)(asked, orbit)
-    window = asked.window or window_at(ensemble, methods, asked.error, orbit.frequency)
+    window = asked.window or asking.window_at(ensemble, methods, asked.error, orbit.frequency)
     ensemble = _fitted(ensemble, window, asked, MOST_EVALUATIONS)
     held_out = _fitted(held_out, window, asked, MOST_IN_TEST)
-    taus = step_sizes(window)
-    errors = mean_errors(ensemble, methods, taus.tolist(), CHARGE)
-    check_window(errors.min(axis=0), window, subject.units["t"])
+    taus = asking.step_sizes(window)
+    errors = mean_errors(ensemble, methods, taus.tolist(), asking.CHARGE)
+    asking.check_window(errors.min(axis=0), window, subject.units["t"])
     budget = Budget(asked.seconds, asked.trials, show)
     search = TailorSearch(
         ensemble, taus, errors.min(axis=0), [one for one in methods if not one.modified], stages=asked.stages,
@@ -613,12 +600,12 @@ def tailored(
     return tested(asked, window, (ensemble, held_out), search, dict(zip(methods, errors, strict=True)))
 
 
-def ensembles(asked: TailorRequest, orbit: Orbit) -> tuple[Ensemble, Ensemble]:
+def ensembles(asked: asking.TailorRequest, orbit: asking.Orbit) -> tuple[Ensemble, Ensemble]:
     """Return the starts of the search, for runs of twelve periods, and of the test, for runs four times as long."""
     subject = asked.system
-    t_end = RADIANS / orbit.frequency
-    step = min(STEP / orbit.frequency, np.inf if asked.window is None else asked.window[0])
-    rows = starts_of(asked, orbit, LONGER * t_end, step)
+    t_end = asking.RADIANS / orbit.frequency
+    step = min(asking.STEP / orbit.frequency, np.inf if asked.window is None else asked.window[0])
+    rows = asking.starts_of(asked, orbit, LONGER * t_end, step)
     first, second = (
         Ensemble(
             name=name, system=subject, start=row, parameters=standard_parameters(subject)[None, :], t_end=end,
@@ -629,7 +616,7 @@ def ensembles(asked: TailorRequest, orbit: Orbit) -> tuple[Ensemble, Ensemble]:
     return first, second
 
 
-def _fitted(ensemble: Ensemble, window: tuple[float, float], asked: TailorRequest, most: int) -> Ensemble:
+def _fitted(ensemble: Ensemble, window: tuple[float, float], asked: asking.TailorRequest, most: int) -> Ensemble:
     """Adapt the length of the runs: enough steps at the upper end of the window, and not too many at the lower end."""
     least, highest = FEWEST_STEPS * max(asked.stages) * window[1], most * window[0]
     t_end = float(np.clip(ensemble.t_end, least, max(highest, least)))
@@ -637,16 +624,16 @@ def _fitted(ensemble: Ensemble, window: tuple[float, float], asked: TailorReques
 
 
 def tested(
-    asked: TailorRequest, window: tuple[float, float], ensembles: tuple[Ensemble, Ensemble], search: SearchResult,
-    errors: Mapping[Tableau, Floats],
+    asked: asking.TailorRequest, window: tuple[float, float], ensembles: tuple[Ensemble, Ensemble],
+    search: SearchResult, errors: Mapping[Tableau, Floats],
 ) -> Tailored:  # fmt: skip
     """Return the result of a search as a tableau, compared with methods of known ``errors`` (T,)."""
-    (ensemble, held_out), best, taus = ensembles, search.best, step_sizes(window, between=True)
+    (ensemble, held_out), best, taus = ensembles, search.best, asking.step_sizes(window, between=True)
     stages, label = best.family.stages, asked.system.label
     name = f"tailored_{asked.system.name}_{stages}"
     tableau = tableau_of(best.family, best.unknowns.tolist(), name=name, label=f"{label}, {stages} stages", source="-")
-    others = contenders(errors)
-    of_others = contenders({one: errors[one] for one in published(errors)})
+    others = asking.contenders(errors)
+    of_others = asking.contenders({one: errors[one] for one in published(errors)})
     found = Tailored(
         question=asked, window=window, ensemble=ensemble, held_out=held_out, tableau=tableau, search=search,
         test=comparison(tableau, others, held_out, taus, asked.seed),

@@ -234,16 +234,9 @@ class Claim:
     also: tuple[str, ...] = ()
 
     @property
-    def maker(self) -> tuple[str, str]:
-        """Target of the workflow for its files, and its time on two cores."""
-        every = experiments()
-        maker = next((one for one in every.values() if any(map(one.makes, self.needs))), every["paper"])
-        return maker.cubes_target, maker.cubes_duration
-
-    @property
     def target(self) -> str:
         """Target of the workflow for its files."""
-        return self.maker[0]
+        return maker_of(self.needs)[0]
 
     def decision(self, results: Results) -> Decision:
         """Decide the statement on ``results``; missing data leave it undecided.
@@ -252,7 +245,7 @@ class Claim:
         """
         missing = [name for name in self.needs if not results.has(name)]
         if missing:
-            return Decision(OPEN, f"{missing[0]} is not there: target {', '.join(self.maker)}")
+            return Decision(OPEN, "target {} decides it ({})".format(*maker_of(self.needs)))
         bound = self.bound
         try:
             found = self.decide(results) if bound is None else self.decide(results, bound)
@@ -366,19 +359,26 @@ def failures(entries: Iterable[Entry]) -> list[Entry]:
     return [entry for entry in entries if entry["verdict"] == "fails" and entry["kind"] in SUBSTANCE]
 
 
+def maker_of(needs: Sequence[str]) -> tuple[str, str]:
+    """Return the target of the workflow for the files that a statement needs, and its time on two cores."""
+    every = experiments()
+    maker = next((one for one in every.values() if any(map(one.makes, needs))), every["paper"])
+    return maker.cubes_target, maker.cubes_duration
+
+
+def deciders(entries: Iterable[Entry]) -> list[tuple[str, str]]:
+    """Return the targets that decide the open statements of the paper, with their times on two cores."""
+    return sorted({maker_of(entry["needs"]) for entry in of_the_paper(entries) if entry["verdict"] == OPEN})
+
+
 def verdicts_line(document: str | Path, command: str) -> str:
     """Return a line on the verdicts in ``tables/claims.json``, and the command that decides the open statements."""
-    from nearharmonic_paper.claims.table import CLAIMS, own_claims
-
     entries = json.loads(Path(document).read_text(encoding="utf-8"))
-    makers = {one.id: one.maker for one in (*CLAIMS, *own_claims())}
-    missing = {makers[entry["id"]] for entry in of_the_paper(entries) if entry["verdict"] == OPEN}
-    later = sorted((target, time) for target, time in missing if target != "all")
-    if not later:
+    missing = deciders(entries)
+    targets = {target: time for target, time in missing if target != "all"}
+    if not targets:
         return f"{tally(entries)}."
-    share = "all" if len(later) == len(missing) else "most"
-    targets, times = zip(*later, strict=True)
+    share, times = "all" if len(targets) == len(missing) else "most", ", ".join(targets.values())
     # Behind --configfile Snakemake would take the targets for further files.
-    program, option, files = command.partition(" --configfile")
-    command = f"{program} {' '.join(targets)}{option}{files}"
-    return f"{tally(entries)}; {command} decides {share} of those left open ({', '.join(times)})."
+    command = command.replace("-j2", f"-j2 {' '.join(targets)}", 1)
+    return f"{tally(entries)}; {command} decides {share} of those left open ({times})."

@@ -509,6 +509,7 @@ four_unique_or_more = misprint(
 # --- How solutions are found, how many there are, which are picked. ---------------------------------------------------
 
 DOCUMENT = ("derived/coefficients.toml",)
+in_last_paragraph = partial(result, paper="Section 3, last paragraph")
 #: Largest kappa at which the paper's minimisation ends.
 ASKED = 1e-128
 
@@ -537,8 +538,7 @@ def growth_of_lambda_h(results: Results) -> Decision:
     return either(all(reached), value)
 
 
-@result(
-    paper="Section 3, last paragraph",
+@in_last_paragraph(
     sentence="Solutions are provided in the following section with minimization criteria κ_max < 1e-128",
     statement="Solutions have κ_max < 10⁻¹²⁸",
     threshold="below 10⁻¹²⁸, the paper's number, for each derived set, the printed ones among them",
@@ -551,8 +551,7 @@ def kappa_below_1e_128(results: Results, asked: float) -> Decision:
     return tallied((residual < asked for residual in found), "solutions", f"; largest {short(max(found), 2)}")
 
 
-@result(
-    paper="Section 3, last paragraph",
+@in_last_paragraph(
     sentence="The minimization is performed using an adaptive simplex method minimizing only one objective κ_max",
     statement="An adaptive simplex in 2048 bits that minimises κ_max alone reaches 10⁻¹²⁸",
     threshold="κ_max below 10⁻¹²⁸, the paper's number, from at least one random start",
@@ -568,8 +567,7 @@ def simplex_reaches(results: Results, asked: float) -> Decision:
     return either(any(good), told if all(good) else f"{told}; the others stall at a κ_max of up to {short(worst, 2)}")
 
 
-@result(
-    paper="Section 3, last paragraph",
+@in_last_paragraph(
     sentence="picked among thousands of solutions based on the sum of the absolute values of the splitting "
     "coefficients and higher order SHO errors",
     statement="The sets that are not unique have a small sum of absolute values and small next terms in their families",
@@ -584,8 +582,7 @@ def picked_by_sum_and_next_term(results: Results) -> Decision:
     return tallied((count == 0 for count in better), "sets", f"; members that are better by each: {listed}")
 
 
-@result(
-    paper="Section 3, last paragraph",
+@in_last_paragraph(
     sentence="The non-unique solutions are picked among thousands of solutions",
     statement="The non-unique solutions are picked among thousands of solutions",
     threshold="for each of these sets at least one free parameter, and at least 2000 members of the family found",

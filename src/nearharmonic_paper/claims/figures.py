@@ -15,6 +15,7 @@ from nearharmonic.math import cos, exp, hypot, log, sin
 from nearharmonic.numerics.portable import Floats
 from nearharmonic.systems import henon_heiles, kepler
 from nearharmonic.theory.oscillator import kappa, lambda_max, stability_limit, zeta
+from nearharmonic_paper.claims import judging
 from nearharmonic_paper.claims.claim import (
     Claim,
     Decision,
@@ -34,30 +35,6 @@ from nearharmonic_paper.claims.claim import (
     short,
     tallied,
 )
-from nearharmonic_paper.claims.judging import (
-    APPROXIMATELY,
-    BAND,
-    DOT,
-    FEWEST,
-    GENERALLY,
-    GREATLY,
-    LARGE,
-    MEASURES,
-    NOT_SUITABLE,
-    SIGNIFICANTLY,
-    SLOPE,
-    STABLE,
-    Curves,
-    curves_of,
-    in_decades,
-    judged,
-    large_steps,
-    local_slopes,
-    orders_on,
-    over,
-    range_words,
-    rank_correlation,
-)
 
 # --- Figures 1 and 2: the harmonic oscillator, its observed orders and its error terms. -------------------------------
 
@@ -73,21 +50,21 @@ ZERO = "a term below 10⁻³⁰ vanishes: rounded decimals leave up to 10⁻⁷�
 
 
 in_figure_1 = partial(
-    result, paper="Section 4.B, text to Figure 1", threshold=SLOPE, bound=BAND, needs=("cubes/sho.h5",)
+    result, paper="Section 4.B, text to Figure 1", threshold=judging.SLOPE, bound=judging.BAND, needs=("cubes/sho.h5",)
 )
 FIGURE_1 = (
     in_figure_1(
         id="fig-1-sixth-order",
         sentence="the integrators ABAs5o6H A, BABs7o7H, BAB's8o7H and BAB's9o7H behave as sixth order integrators",
         statement="ABAs5o6H, BABs7o7H, BAB's8o7H and BAB's9o7H behave as sixth order integrators on the oscillator",
-    )(partial(orders_on, "sho", dict.fromkeys(SIXTH, 6))),
+    )(partial(judging.orders_on, "sho", dict.fromkeys(SIXTH, 6))),
     in_figure_1(
         id="fig-1-fourth-order",
         sentence=READS_ORDER,
         statement=f"{READS_ORDER}: four for Ruth, s5odr4, ABA104, ABA864 and ABA1064",
-    )(partial(orders_on, "sho", dict.fromkeys(FOURTH, 4))),
+    )(partial(judging.orders_on, "sho", dict.fromkeys(FOURTH, 4))),
     in_figure_1(id="fig-1-yoshida", sentence=READS_ORDER, statement=f"{READS_ORDER}: six for Yosh s7o6 A")(
-        partial(orders_on, "sho", {"yoshida_s7o6a": 6})
+        partial(judging.orders_on, "sho", {"yoshida_s7o6a": 6})
     ),
 )
 
@@ -189,8 +166,8 @@ STAGE_OPTIMISED = ("yoshida_s7o6a", "s9odr6a", "s15odr8")
     "contributions",
     statement="Of Yosh s7o6 A, s9odr6a and s15odr8 most have terms κ far larger than those of the new methods",
     threshold="the largest κ at least ten times that of each of the four new methods in the figures, for more than "
-    f"half of Yosh s7o6 A, s9odr6a and s15odr8; {GREATLY.brief}; {GENERALLY.brief}",
-    bound=GREATLY.number,
+    f"half of Yosh s7o6 A, s9odr6a and s15odr8; {judging.GREATLY.brief}; {judging.GENERALLY.brief}",
+    bound=judging.GREATLY.number,
 )
 def fig_2_yoshida_diverges(results: Results, factor: float) -> Decision:
     new = {name: float(_terms(results, name).max()) for name in SIXTH}
@@ -201,7 +178,7 @@ def fig_2_yoshida_diverges(results: Results, factor: float) -> Decision:
     listed = ", ".join(f"{label(name)} {short(largest)}" for name, largest in theirs.items())
     value = f"{listed}, against at most {short(new[worst])}, of {label(worst)}"
     rapid = [largest >= factor * new[worst] for largest in theirs.values()]
-    return either(sum(rapid) > GENERALLY.number * len(rapid), value)
+    return either(sum(rapid) > judging.GENERALLY.number * len(rapid), value)
 
 
 @cache
@@ -214,18 +191,18 @@ def _largest_term(method: Tableau) -> float:
     sentence="these integrators are not suitable for integrating the SHO with large time steps",
     statement="Stage-optimized integrators of higher order are not suitable for the oscillator with large time steps",
     threshold="the maximum error of Yosh s7o6 A, the only one of them in the figures, at least ten times that of the "
-    f"best of the other nine, at every large step size; {NOT_SUITABLE.brief}; {LARGE.brief}",
-    bound=NOT_SUITABLE.number,
+    f"best of the other nine, at every large step size; {judging.NOT_SUITABLE.brief}; {judging.LARGE.brief}",
+    bound=judging.NOT_SUITABLE.number,
     needs=("cubes/sho.h5",),
 )
 def fig_2_large_steps(results: Results, factor: float) -> Decision:
-    curves = curves_of(results, "sho")
+    curves = judging.curves_of(results, "sho")
     others = (*FOURTH, *SIXTH)
     theirs, best = curves.errors(["yoshida_s7o6a"])[0], curves.errors(others).min(axis=0)
-    asked = large_steps(curves, *others)
+    asked = judging.large_steps(curves, *others)
     ratio = (theirs / best)[asked.asked]
     value = f"its error over that of the best {short(ratio.min(), 2)} to {short(ratio.max(), 2)}"
-    return over(asked, theirs >= factor * best, value)
+    return judging.over(asked, theirs >= factor * best, value)
 
 
 # --- Figure 3: the Hénon-Heiles system. -------------------------------------------------------------------------------
@@ -257,7 +234,7 @@ def henon_heiles_energy(_: Results) -> Decision:
     statement="The orbit of the paper is chaotic",
     threshold="the largest Lyapunov exponent, at the lower end of its 95 % interval, at least ten times that of a "
     "regular orbit, of H = 1/128, after the same time",
-    bound=GREATLY.number,
+    bound=judging.GREATLY.number,
     needs=("cubes/henon_heiles_chaos.h5",),
 )
 def henon_heiles_chaotic(results: Results, factor: float) -> Decision:
@@ -298,10 +275,10 @@ def orders_of_figure(number: int, system: str) -> Claim:
         "reduced by a factor k",
         statement=f"For small steps the curves of Figure {number} have the order of the methods: six for Yosh s7o6 A, "
         "four for the others",
-        threshold=SLOPE,
-        bound=BAND,
+        threshold=judging.SLOPE,
+        bound=judging.BAND,
         needs=(f"cubes/{system}.h5",),
-    )(partial(orders_on, system, ORDERS))
+    )(partial(judging.orders_on, system, ORDERS))
 
 
 FIGURE_3 = orders_of_figure(3, "henon_heiles")
@@ -311,40 +288,40 @@ FIGURE_3 = orders_of_figure(3, "henon_heiles")
     paper="Section 4.B, text to Figure 3",
     sentence="especially BAB's8o7H and BAB's9o7H exhibit a sixth order descent of error for large τ",
     statement="BAB's8o7H and BAB's9o7H exhibit a sixth order descent of the maximum error for large τ",
-    threshold=f"{SLOPE}; among large step sizes, {LARGE.brief}",
-    bound=BAND,
+    threshold=f"{judging.SLOPE}; among large step sizes, {judging.LARGE.brief}",
+    bound=judging.BAND,
     needs=HENON_HEILES,
 )
 def fig_3_sixth_order_descent(results: Results, band: float) -> Decision:
-    curves, told, found = curves_of(results, "henon_heiles"), [], []
-    asked = large_steps(curves, *DESCENDING)
+    curves, told, found = judging.curves_of(results, "henon_heiles"), [], []
+    asked = judging.large_steps(curves, *DESCENDING)
     for name in DESCENDING:
-        slopes = local_slopes(curves, name)
+        slopes = judging.local_slopes(curves, name)
         piece = asked.longest(np.abs(slopes - 6) <= band)
         found.append(piece)
         inside = slopes[(curves.x >= piece.low) & (curves.x <= piece.high)]
         spread = f", slopes {inside.min():.1f} to {inside.max():.1f}" if inside.size else ""
         told.append(f"{label(name)} for {piece.words(curves.unit)}{spread}")
-    steepest = short(np.nanmax([local_slopes(curves, name)[asked.asked] for name in DESCENDING]), 2)
+    steepest = short(np.nanmax([judging.local_slopes(curves, name)[asked.asked] for name in DESCENDING]), 2)
     told += [f"for larger steps ragged, up to {steepest}", f"large: {asked.words()}"]
-    brief = f"slope 6 over {in_decades(found)}; half a decade asked"
-    return combined(map(judged, found), "; ".join(told), brief)
+    brief = f"slope 6 over {judging.in_decades(found)}; half a decade asked"
+    return combined(map(judging.judged, found), "; ".join(told), brief)
 
 
 @result(
     paper="Section 4.B, text to Figure 3",
     sentence="especially BAB's8o7H and BAB's9o7H exhibit a sixth order descent of error for large τ",
     statement="Especially these two: no other fourth order method keeps a sixth order descent as long",
-    threshold=f"more decades of large step sizes with local slopes within {BAND} of 6 than each of the other seven "
-    f"methods of fourth order; {LARGE.brief}",
-    bound=BAND,
+    threshold=f"more decades of large step sizes with local slopes within {judging.BAND} of 6 than each of the other "
+    f"seven methods of fourth order; {judging.LARGE.brief}",
+    bound=judging.BAND,
     needs=HENON_HEILES,
 )
 def fig_3_steepest(results: Results, band: float) -> Decision:
-    curves, lengths = curves_of(results, "henon_heiles"), {}
+    curves, lengths = judging.curves_of(results, "henon_heiles"), {}
     for name in (name for name, order in ORDERS.items() if order == 4):
-        asked = large_steps(curves, name)
-        lengths[name] = asked.longest(np.abs(local_slopes(curves, name) - 6) <= band).decades
+        asked = judging.large_steps(curves, name)
+        lengths[name] = asked.longest(np.abs(judging.local_slopes(curves, name) - 6) <= band).decades
     others = {name: length for name, length in lengths.items() if name not in DESCENDING}
     longest = max(others, key=others.__getitem__)
     told = ", ".join(f"{label(name)} {lengths[name]:.2f}" for name in DESCENDING)
@@ -431,7 +408,7 @@ def with_and_without_sixth_order(decide: Callable[[tuple[str, ...]], Decision]) 
 
 def _best(name: str, variable: str, results: Results, ratio: float) -> Decision:
     """Decide whether a method has the smallest error of the ten."""
-    curves = curves_of(results, "kepler")
+    curves = judging.curves_of(results, "kepler")
 
     def decide(among: tuple[str, ...]) -> Decision:
         largest = curves.errors(among)
@@ -441,7 +418,7 @@ def _best(name: str, variable: str, results: Results, ratio: float) -> Decision:
         good = curves.errors([name], variable)[0] < ratio * errors.min(axis=0)
         beaten = dict.fromkeys(errors.argmin(axis=0)[asked.asked & ~good])
         elsewhere = ", ".join(label(others[i]) for i in beaten)
-        found = over(asked, good, f"elsewhere ahead: {elsewhere}" if elsewhere else "")
+        found = judging.over(asked, good, f"elsewhere ahead: {elsewhere}" if elsewhere else "")
         return found._replace(brief=f"{found.brief} step sizes: {found.value.partition(',')[0]}")
 
     return with_and_without_sixth_order(decide)
@@ -453,10 +430,10 @@ BEST = tuple(
         paper="Section 4.B, text to Figure 5",
         sentence=f"{name} shows the best performance in regard to the {words} error",
         statement=f"{name} shows the best performance in regard to the {words} error",
-        threshold=f"its {measure} error below that of each of the other nine {range_words(name)}",
+        threshold=f"its {measure} error below that of each of the other nine {judging.range_words(name)}",
         bound=1.0,
         needs=KEPLER,
-    )(partial(_best, method, MEASURES[measure]))
+    )(partial(_best, method, judging.MEASURES[measure]))
     for measure, words, name, method in (
         ("maximum", "maximum", "ABA104", "aba104"),
         ("mean", "average", "BAB's9o7H", "babps9o7h"),
@@ -473,20 +450,20 @@ COINCIDING = ("abas5o6h", "aba104", "babps8o7h")
     "their plots",
     statement="ABAs5o6H, ABA104 and BAB's8o7H coincide in perihelion advance",
     threshold="the largest of their advances at most 1.26 times the smallest, "
-    f"{range_words('the first of the three')}; {APPROXIMATELY.brief}",
-    bound=DOT,
+    f"{judging.range_words('the first of the three')}; {judging.APPROXIMATELY.brief}",
+    bound=judging.DOT,
     needs=KEPLER,
 )
 def fig_4_coincide(results: Results, dot: float) -> Decision:
-    curves = curves_of(results, "kepler")
+    curves = judging.curves_of(results, "kepler")
     advance = np.abs(curves.rows(COINCIDING, "perihelion_advance"))
     asked = curves.compared(curves.errors(COINCIDING))
     ratio = advance.max(axis=0) / advance.min(axis=0)
     value = f"largest over least {short(ratio[asked.asked].min())} to {short(ratio[asked.asked].max())}"
-    return over(asked, ratio <= dot, value + _at_evaluations(curves, advance))
+    return judging.over(asked, ratio <= dot, value + _at_evaluations(curves, advance))
 
 
-def _at_evaluations(curves: Curves, advance: Floats, number: float = 240.0) -> str:
+def _at_evaluations(curves: judging.Curves, advance: Floats, number: float = 240.0) -> str:
     """The advances at a number of evaluations an orbit, between step sizes by a power law."""
     told = []
     for name, row in zip(COINCIDING, advance, strict=True):
@@ -506,17 +483,17 @@ def _at_evaluations(curves: Curves, advance: Floats, number: float = 240.0) -> s
     "size",
     statement="95 % confidence intervals of the perihelion advance are significantly smaller than the dot size",
     threshold="the width of each interval at most 21 % of the advance, 1/1.26 of the 26 % that a dot covers, "
-    f"{range_words('the first of the ten')}; {SIGNIFICANTLY.brief}",
-    bound=(DOT - 1) / SIGNIFICANTLY.number,
+    f"{judging.range_words('the first of the ten')}; {judging.SIGNIFICANTLY.brief}",
+    bound=(judging.DOT - 1) / judging.SIGNIFICANTLY.number,
     needs=KEPLER,
 )
 def fig_4_intervals(results: Results, widest: float) -> Decision:
-    curves = curves_of(results, "kepler")
+    curves = judging.curves_of(results, "kepler")
     advance, interval = (np.abs(curves.rows(BENCHMARKED, f"perihelion_advance{end}")) for end in ("", "_interval"))
     asked = curves.compared(curves.errors(BENCHMARKED))
     share = (2 * interval / advance).max(axis=0)
     low, high = (short(100 * one, 2) for one in (share[asked.asked].min(), share[asked.asked].max()))
-    return over(asked, share <= widest, f"widest of the ten {low} to {high} % of the advance")
+    return judging.over(asked, share <= widest, f"widest of the ten {low} to {high} % of the advance")
 
 
 @background(
@@ -524,12 +501,12 @@ def fig_4_intervals(results: Results, widest: float) -> Decision:
     sentence="The orbital precession advances linearly with time t",
     statement="The perihelion of the ten methods advances in the second half of the ten years as in the first",
     threshold="the rates of advance in the two halves within 2 % of each other, the widest 95 % interval of a fit, "
-    f"{range_words('the first of the ten')}",
+    f"{judging.range_words('the first of the ten')}",
     bound=0.02,
     needs=KEPLER,
 )
 def precession_linear(results: Results, off: float) -> Decision:
-    curves = curves_of(results, "kepler")
+    curves = judging.curves_of(results, "kepler")
     asked = curves.compared(curves.errors(BENCHMARKED))
     halves, line = (
         np.array([curves.of(name, f"perihelion_advance_{what}") for name in BENCHMARKED])
@@ -538,7 +515,7 @@ def precession_linear(results: Results, off: float) -> Decision:
     apart = np.abs(halves - 1).max(axis=0)
     least = np.nanmin(line[:, asked.asked])
     value = f"halves apart by up to {short(100 * np.nanmax(apart[asked.asked]), 2)} %, R² from {short(least, 4)} on"
-    return over(asked, apart <= off, value)
+    return judging.over(asked, apart <= off, value)
 
 
 @misprint(
@@ -547,18 +524,19 @@ def precession_linear(results: Results, off: float) -> Decision:
     "regression of θ(t) over numerous orbital periods",
     statement="Figure 5 shows the perihelion precession",
     threshold="the curves of ABAs5o6H, ABA104 and BAB's8o7H coincide in Figure 5, as they do in the precession by the "
-    f"caption of Figure 4: maximum and mean errors within a factor of 1.26, {range_words()}; {APPROXIMATELY.brief}",
-    bound=DOT,
+    "caption of Figure 4: maximum and mean errors within a factor of 1.26, "
+    f"{judging.range_words()}; {judging.APPROXIMATELY.brief}",
+    bound=judging.DOT,
     needs=KEPLER,
 )
 def figure_of_the_precession(results: Results, dot: float) -> Decision:
-    curves, told = curves_of(results, "kepler"), []
+    curves, told = judging.curves_of(results, "kepler"), []
     asked = curves.compared(curves.errors(COINCIDING))
     verdicts: list[Verdict] = []
-    for measure, variable in MEASURES.items():
+    for measure, variable in judging.MEASURES.items():
         errors = curves.errors(COINCIDING, variable)
         largest, least = errors.max(axis=0), errors.min(axis=0)
-        verdicts.append(over(asked, largest <= dot * least).verdict)
+        verdicts.append(judging.over(asked, largest <= dot * least).verdict)
         shown = largest[asked.asked] / least[asked.asked]
         coinciding = f"coinciding at {int((shown <= dot).sum())} of {shown.size} step sizes"
         told.append(f"{measure} {short(shown.min())} to {short(shown.max())}, {coinciding}")
@@ -571,12 +549,12 @@ def figure_of_the_precession(results: Results, dot: float) -> Decision:
     "error than the maximum error",
     statement="The accumulated error is in better agreement with the average error than with the maximum error",
     threshold="the rank correlation of the ten methods' advances with their mean errors is nearer to 1 than with their "
-    f"maximum errors, {range_words()}",
+    f"maximum errors, {judging.range_words()}",
     bound=1.0,
     needs=KEPLER,
 )
 def accumulated_error_and_mean(results: Results, ratio: float) -> Decision:
-    curves = curves_of(results, "kepler")
+    curves = judging.curves_of(results, "kepler")
 
     def decide(names: tuple[str, ...]) -> Decision:
         largest, mean = curves.errors(names), curves.errors(names, "mean_energy_error")
@@ -584,11 +562,11 @@ def accumulated_error_and_mean(results: Results, ratio: float) -> Decision:
         known = curves.compared(largest)
         asked = known._replace(asked=known.asked & np.isfinite(advance).all(axis=0))
         lacking = f"the advances of the {len(names)} methods are known at fewer than three step sizes"
-        require(asked.asked.sum() >= FEWEST, lacking)
-        by_mean, by_largest = (rank_correlation(advance, other) for other in (mean, largest))
+        require(asked.asked.sum() >= judging.FEWEST, lacking)
+        by_mean, by_largest = (judging.rank_correlation(advance, other) for other in (mean, largest))
         told = (short(float(np.median(one[asked.asked])), 2) for one in (by_mean, by_largest))
         value = "median rank correlation {} with the mean and {} with the maximum error".format(*told)
-        return over(asked, 1 - by_mean < ratio * (1 - by_largest), value)
+        return judging.over(asked, 1 - by_mean < ratio * (1 - by_largest), value)
 
     return with_and_without_sixth_order(decide)
 
@@ -600,7 +578,7 @@ def accumulated_error_and_mean(results: Results, ratio: float) -> Decision:
     paper="Figure 6, caption",
     sentence="(C) shows an unstable integration where H is not conserved",
     statement="(C), Yosh s7o6 A on the Hénon-Heiles system, shows an unstable integration",
-    threshold=f"the relative energy error passes 1 within 1000 iterations; {STABLE.brief}",
+    threshold=f"the relative energy error passes 1 within 1000 iterations; {judging.STABLE.brief}",
 )
 def fig_6_c_unstable(results: Results) -> Decision:
     panel = results.panels()["C"]
@@ -617,7 +595,7 @@ DISPLACED = ("cubes/substeps_displaced.h5",)
     sentence="(A) (B) and (D) show stable integrations which preserve H indefinitely",
     statement="(A), (B) and (D) are stable, (D) in the plane q_x = p_x = 0 of the caption",
     threshold="(A) and (B) for ever, as τ = π/4 is below the proved linear limits of both methods, and in 1000 "
-    f"iterations; (D) in 100000 iterations, with compensated and with plain sums; {STABLE.brief}",
+    f"iterations; (D) in 100000 iterations, with compensated and with plain sums; {judging.STABLE.brief}",
     needs=DISPLACED,
 )
 def fig_6_others_stable(results: Results) -> Decision:
@@ -638,7 +616,7 @@ def fig_6_others_stable(results: Results) -> Decision:
     sentence="(A) (B) and (D) show stable integrations which preserve H indefinitely",
     statement="(D) is unstable from starts beside its plane, which the paper does not show",
     threshold="the relative energy error passes 1 within 100000 iterations from each start with q_x from 10⁻¹² to "
-    f"10⁻², with compensated and with plain sums; {STABLE.brief}",
+    f"10⁻², with compensated and with plain sums; {judging.STABLE.brief}",
     needs=DISPLACED,
 )
 def fig_6_beside_the_plane(results: Results) -> Decision:
@@ -679,7 +657,7 @@ def fig_6_large_substeps(results: Results, ratio: float) -> Decision:
     statement="Substeps are not points of the orbit: their energy is far off",
     threshold="in each panel of Figure 6 the largest energy error at substeps at least ten times that after the two "
     "iterations",
-    bound=GREATLY.number,
+    bound=judging.GREATLY.number,
 )
 def substeps_are_no_evolution(results: Results, factor: float) -> Decision:
     good, told = [], []

@@ -279,8 +279,7 @@ def rank_correlation(one: Floats, other: Floats) -> Floats:
     below = ((rows[:, None] > rows, rows[:, None] < rows) for rows in (one, other))
     first, second = (less.sum(axis=1) - more.sum(axis=1) for less, more in below)
     spread = np.sqrt((first**2).sum(axis=0) * (second**2).sum(axis=0))
-    found: Floats = (first * second).sum(axis=0) / np.where(spread > 0, spread, 1.0)
-    return found
+    return np.asarray((first * second).sum(axis=0) / np.where(spread > 0, spread, 1.0))
 
 
 # --- Local slopes of errors over step sizes, and lengths of ranges where they agree with an order.
@@ -342,8 +341,7 @@ def orders(curves: Curves, expected: Mapping[str, int], band: float) -> Decision
         asked = curves.compared(curves.errors([name]))
         found[name] = asked.longest(np.abs(local_slopes(curves, name) - order) <= band)
     told = (f"{label(name)} {expected[name]} over {piece.words(curves.unit)}" for name, piece in found.items())
-    slopes = " and ".join(map(str, dict.fromkeys(expected.values())))
-    brief = f"slope {slopes} over {in_decades(found.values())}"
+    brief = f"slope {' and '.join(map(str, dict.fromkeys(expected.values())))} over {in_decades(found.values())}"
     return combined(map(judged, found.values()), "; ".join(told), brief)
 
 

@@ -11,7 +11,8 @@ import numpy as np
 from nearharmonic.integrators import BENCHMARKED
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.portable import Bools, Floats
-from nearharmonic.theory.oscillator import growth_rate, stability_gaps, stability_limit
+from nearharmonic.theory.oscillator import growth_rate, stability_gaps, stability_limit, step_polynomials
+from nearharmonic_paper.claims import judging
 from nearharmonic_paper.claims.claim import (
     Decision,
     Results,
@@ -25,23 +26,6 @@ from nearharmonic_paper.claims.claim import (
     result,
     short,
     tallied,
-)
-from nearharmonic_paper.claims.judging import (
-    GENERALLY,
-    GREATLY,
-    LOST,
-    MEASURES,
-    MODERATE,
-    PERFORMANCE,
-    SEVERAL,
-    SEVERAL_ORDERS,
-    SIGNIFICANTLY,
-    SMALL,
-    Curves,
-    curves_of,
-    for_larger_steps,
-    over,
-    range_words,
 )
 from nearharmonic_paper.claims.tableaus import TRAINED, lead_of_trained
 
@@ -61,12 +45,12 @@ in_conclusion = partial(result, paper="Section 6, Conclusion")
 
 
 def _outperforms_ruth(system: str, results: Results, factor: float) -> Decision:
-    curves = curves_of(results, system)
+    curves = judging.curves_of(results, system)
     ruth, new = curves.errors(["ruth"])[0], curves.errors(NEW)
     asked = curves.compared(ruth, new, kept=new)
     worst, best = (ruth[asked.asked] / one[asked.asked] for one in (new.max(axis=0), new.min(axis=0)))
     value = f"Ruth's error over that of the worst new method {short(worst.min(), 2)} to {short(worst.max(), 2)}"
-    return over(asked, ruth >= factor * new.max(axis=0), f"{value}, over the best up to {short(best.max(), 2)}")
+    return judging.over(asked, ruth >= factor * new.max(axis=0), f"{value}, over the best up to {short(best.max(), 2)}")
 
 
 RUTH = tuple(
@@ -76,8 +60,8 @@ RUTH = tuple(
         "magnitude",
         statement=f"The new schemes outperform Ruth by several orders of magnitude, on the {name}",
         threshold="Ruth's maximum error at least 100 times that of each of the four new methods in the figures "
-        f"{range_words('a new one')}; {SEVERAL_ORDERS.brief}; {PERFORMANCE.brief}",
-        bound=SEVERAL_ORDERS.number,
+        f"{judging.range_words('a new one')}; {judging.SEVERAL_ORDERS.brief}; {judging.PERFORMANCE.brief}",
+        bound=judging.SEVERAL_ORDERS.number,
         needs=(f"cubes/{system}.h5",),
     )(partial(_outperforms_ruth, system))
     for system, name in SYSTEMS.items()
@@ -88,7 +72,7 @@ RUTH = tuple(
     sentence="the obtained integrators outperform the three stage fourth order integrator by R. Ruth",
     statement="Each of the four new methods of the figures has a smaller error than Ruth's at equal cost",
     threshold="Ruth's maximum and mean error above those of each of the four new methods in the figures, on each "
-    f"system, {range_words('a new one')}; {PERFORMANCE.brief}",
+    f"system, {judging.range_words('a new one')}; {judging.PERFORMANCE.brief}",
     bound=1.0,
     needs=CUBES,
 )
@@ -110,24 +94,24 @@ def _against_ruth(
     verdicts: list[Verdict] = []
     gains: dict[str, list[Floats]] = {}
     for system, name in SYSTEMS.items():
-        curves = curves_of(results, system)
+        curves = judging.curves_of(results, system)
         new = curves.errors(NEW)
         asked = curves.compared(curves.errors(["ruth"]), new, kept=new)
-        for variable in MEASURES.values():
+        for variable in judging.MEASURES.values():
             ruth, worst = curves.errors(["ruth"], variable)[0], curves.errors(NEW, variable).max(axis=0)
-            verdicts.append(over(asked, better(ruth, worst)).verdict)
+            verdicts.append(judging.over(asked, better(ruth, worst)).verdict)
             gains.setdefault(name, []).append(ruth[asked.asked] / worst[asked.asked])
     return verdicts, gains
 
 
 def _outperforms(names: Sequence[str], system: str, results: Results, ratio: float) -> Decision:
-    curves, told = curves_of(results, system), []
+    curves, told = judging.curves_of(results, system), []
     asked = curves.compared(curves.errors((*names, *NEW)))
     verdicts: list[Verdict] = []
     total, every = int(asked.asked.sum()), list[int]()
-    for measure, variable in MEASURES.items():
+    for measure, variable in judging.MEASURES.items():
         old, new = curves.errors(names, variable).min(axis=0), curves.errors(NEW, variable)
-        verdicts += [over(asked, one < ratio * old).verdict for one in new]
+        verdicts += [judging.over(asked, one < ratio * old).verdict for one in new]
         counts = (new < old)[:, asked.asked].sum(axis=1).tolist()
         every += counts
         best = int((new.min(axis=0) < old)[asked.asked].sum())
@@ -147,8 +131,8 @@ KAHAN_AND_BLANES = tuple(
         "the more optimized integrators by W. Kahan and S. Blanes",
         statement=f"The obtained integrators outperform the more optimized ones {whose}, on the {name}",
         threshold="maximum and mean error of each of the four new methods in the figures below those of "
-        f"{labels} {range_words()}; in part: also for some of the four, or for one of the two errors; "
-        f"{PERFORMANCE.brief}",
+        f"{labels} {judging.range_words()}; in part: also for some of the four, or for one of the two errors; "
+        f"{judging.PERFORMANCE.brief}",
         bound=1.0,
         needs=(f"cubes/{system}.h5",),
     )(partial(_outperforms, names, system))
@@ -158,13 +142,13 @@ KAHAN_AND_BLANES = tuple(
 
 
 def _favourable_to_yoshida(system: str, results: Results, ratio: float) -> Decision:
-    curves, told = curves_of(results, system), []
+    curves, told = judging.curves_of(results, system), []
     largest = curves.errors(NEW)
     asked = curves.compared(curves.errors(["yoshida_s7o6a"]), largest, kept=largest)
     verdicts: list[Verdict] = []
-    for measure, variable in MEASURES.items():
+    for measure, variable in judging.MEASURES.items():
         yoshida = curves.errors(["yoshida_s7o6a"], variable)[0]
-        verdict, value, *_ = for_larger_steps(asked, curves.errors(NEW, variable).max(axis=0) < ratio * yoshida)
+        verdict, value, *_ = judging.for_larger_steps(asked, curves.errors(NEW, variable).max(axis=0) < ratio * yoshida)
         verdicts.append(verdict)
         told.append(f"{measure} error {value}")
     return combined(verdicts, "; ".join(told))
@@ -178,7 +162,7 @@ MODERATE_STEPS = tuple(
         statement=f"The new methods compare favorably with Yosh s7o6 A for moderate steps, on the {name}",
         threshold="maximum and mean error of each of the four new methods in the figures below those of Yosh s7o6 A at "
         "the end of the range of comparison, which is where the maximum error of a new one passes 1 %; "
-        f"{MODERATE.brief}; in part: over half a decade that ends before, or for one of the errors",
+        f"{judging.MODERATE.brief}; in part: over half a decade that ends before, or for one of the errors",
         bound=1.0,
         needs=(f"cubes/{system}.h5",),
     )(partial(_favourable_to_yoshida, system))
@@ -191,19 +175,19 @@ MODERATE_STEPS = tuple(
     statement="The best performance is generally achieved by BAB's9o7H, BAB's8o7H and ABAs5o6H",
     threshold="the smallest maximum error of the ten is that of one of the three at more than half of the step sizes "
     "of the range of comparison, up to where that of one of the three passes 1 %, on each system; and likewise the "
-    f"smallest mean error; {GENERALLY.brief}. Trained methods came later: the value tells of them if the target "
-    "trained_proof has run, the verdict does not depend on them",
-    bound=GENERALLY.number,
+    f"smallest mean error; {judging.GENERALLY.brief}. Trained methods came later: the value tells of them if the "
+    "target trained_proof has run, the verdict does not depend on them",
+    bound=judging.GENERALLY.number,
     needs=CUBES,
     also=(TRAINED,),
 )
 def best_performance(results: Results, share: float) -> Decision:
     good, told = [], []
     for system, name in SYSTEMS.items():
-        curves, counts = curves_of(results, system), []
+        curves, counts = judging.curves_of(results, system), []
         praised = curves.errors(PRAISED)
         asked = curves.compared(curves.errors(BENCHMARKED), kept=praised).asked
-        for variable in MEASURES.values():
+        for variable in judging.MEASURES.values():
             others = curves.errors([one for one in BENCHMARKED if one not in PRAISED], variable)
             best = curves.errors(PRAISED, variable).min(axis=0) < others.min(axis=0)
             counts.append(int(best[asked].sum()))
@@ -221,16 +205,16 @@ def best_performance(results: Results, share: float) -> Decision:
     "on each of the three systems",
     threshold="in each of the 24 pairs the error of the new method is smaller by a tenth of a decade at more than half "
     "of the step sizes of the range of comparison, on each system, by the maximum and by the mean; "
-    f"{SIGNIFICANTLY.brief}",
-    bound=SIGNIFICANTLY.number,
+    f"{judging.SIGNIFICANTLY.brief}",
+    bound=judging.SIGNIFICANTLY.number,
     needs=CUBES,
 )
 def significantly_better(results: Results, factor: float) -> Decision:
     good, told, brief = [], [], []
     for system, name in SYSTEMS.items():
-        curves, counts = curves_of(results, system), []
+        curves, counts = judging.curves_of(results, system), []
         asked = curves.compared(curves.errors(BENCHMARKED)).asked
-        for variable in MEASURES.values():
+        for variable in judging.MEASURES.values():
             before, new = (curves.errors(names, variable)[:, asked] for names in (BEFORE, NEW))
             pairs = [2 * int((factor * one < other).sum()) > one.size for one in new for other in before]
             good += pairs
@@ -247,9 +231,9 @@ def significantly_better(results: Results, factor: float) -> Decision:
     "greatly and consistently improve the integration accuracy and stability",
     statement="All tests suggest that the obtained integrators greatly and consistently improve the accuracy",
     threshold="Ruth's maximum and mean error, to which the next sentence compares, at least ten times those of each of "
-    f"the four new methods in the figures, on each system, {range_words('a new one')}; {GREATLY.brief}; stability is "
-    "the subject of another sentence",
-    bound=GREATLY.number,
+    f"the four new methods in the figures, on each system, {judging.range_words('a new one')}; "
+    f"{judging.GREATLY.brief}; stability is the subject of another sentence",
+    bound=judging.GREATLY.number,
     needs=CUBES,
 )
 def greatly_and_consistently(results: Results, factor: float) -> Decision:
@@ -280,11 +264,13 @@ def _ends_in_words(ends: Mapping[str, float]) -> str:
     return ", ".join(f"{label(name)} {short(end) if end < inf else 'none'}" for name, end in ends.items())
 
 
-def _on_each_system(words: str, end: Callable[[Curves, Floats], float], results: Results, ratio: float) -> Decision:
+def _on_each_system(
+    words: str, end: Callable[[judging.Curves, Floats], float], results: Results, ratio: float
+) -> Decision:
     """Compare a step size that is read off a curve of maximum errors."""
     found, told = [], []
     for system, name in SYSTEMS.items():
-        curves = curves_of(results, system)
+        curves = judging.curves_of(results, system)
         found.append({method: end(curves, curves.errors([method])[0]) for method in METHODS})
         told.append(f"{name} {_ends_in_words(found[-1])}{curves.unit}")
     return _above(found, f"{words}: {'; '.join(told)}", ratio)
@@ -296,8 +282,8 @@ def _of_each_method(words: str, end: Callable[[Tableau], float], results: Result
     return _above([ends], f"{words}: {_ends_in_words(ends)}", ratio)
 
 
-def _loss(curves: Curves, error: Floats) -> float:
-    return float(curves.x[error > LOST].min(initial=inf))
+def _loss(curves: judging.Curves, error: Floats) -> float:
+    return float(curves.x[error > judging.LOST].min(initial=inf))
 
 
 @cache
@@ -308,21 +294,22 @@ def _limit(method: Tableau) -> float:
 @cache
 def _growing(method: Tableau) -> float:
     """Return the first step size per stage at which the oscillator grows by a factor of ten in a gap of stability."""
+    trace, needed = [float(c) for c in reversed(step_polynomials(method).trace)], log(judging.GREATLY.number) / T_END
     for low, high in stability_gaps(method):
-        # Growth rises from the edge of a gap; the last gap has no end.
-        for tau in np.linspace(float(low), min(float(high), 1.5 * float(low)), 402)[1:-1]:
-            if float(growth_rate(method, tau)) / tau * T_END >= log(GREATLY.number):
+        # Growth rises from the edge of a gap, and the last gap has no end. Doubles tell where it may be large enough.
+        taus = np.linspace(float(low), min(float(high), 1.5 * float(low)), 402)[1:-1]
+        for tau in taus[np.arccosh(np.maximum(np.abs(np.polyval(trace, taus)) / 2, 1.0)) > 0.99 * needed * taus]:
+            if float(growth_rate(method, tau)) / tau >= needed:
                 return float(tau) / method.stages
     return inf
 
 
-def _spike(curves: Curves, error: Floats) -> float:
+def _spike(curves: judging.Curves, error: Floats) -> float:
     """The first step size, above those that are rounding, with ten times the error of a larger one."""
     asked = curves.compared(error, kept=np.where(np.isfinite(error), 0.0, inf))
     later = np.minimum.accumulate(error[::-1])[::-1]
-    spiked = asked.asked[:-1] & (error[:-1] >= GREATLY.number * later[1:])
-    lost = ~np.isfinite(error)
-    return float(curves.x[:-1][spiked].min(initial=float(curves.x[lost].min(initial=inf))))
+    spiked = asked.asked[:-1] & (error[:-1] >= judging.GREATLY.number * later[1:])
+    return float(curves.x[:-1][spiked].min(initial=float(curves.x[~np.isfinite(error)].min(initial=inf))))
 
 
 #: High numerical stability is four things, each with its number. Step sizes are per stage, which is at equal cost.
@@ -367,8 +354,8 @@ STABILITY = (
     threshold="on a relativistic oscillator at τ/s = 0.05 the maximum error is more than 1.26 times that with the "
     "roles of T and V exchanged, where V is not quadratic, and the ratio is above Ruth's, for more than half of the "
     "new methods at the amplitudes 0.1 and 1, where T is off a square by 0.25 % and by a sixth; "
-    f"{SIGNIFICANTLY.brief}; {GENERALLY.brief}",
-    bound=SIGNIFICANTLY.number,
+    f"{judging.SIGNIFICANTLY.brief}; {judging.GENERALLY.brief}",
+    bound=judging.SIGNIFICANTLY.number,
     needs=("cubes/kinetic_energy.h5",),
 )
 def t_not_quadratic(results: Results, least: float) -> Decision:
@@ -383,7 +370,7 @@ def t_not_quadratic(results: Results, least: float) -> Decision:
         listed = ", ".join(f"{label(name)} {short(one, 2)}" for name, one in zip(NEW, new, strict=True))
         told.append(f"at amplitude {short(amplitude)} {listed}, Ruth {short(ruth, 2)}")
     value = f"error over that with the roles exchanged: {'; '.join(told)}"
-    return either(sum(good) > GENERALLY.number * len(good), value)
+    return either(sum(good) > judging.GENERALLY.number * len(good), value)
 
 
 #: Evaluations of the force an orbit, as in the figures of Kepler maps, and a round orbit beside those that come close.
@@ -397,7 +384,7 @@ EVALUATIONS, ROUND, CLOSE = 400, 0.2, 0.95
     statement="Close encounters cause high errors: at fixed steps energy is lost on an orbit of high eccentricity",
     threshold=f"with each method, at {EVALUATIONS} evaluations an orbit, the relative energy error passes 1 within ten "
     f"periods on a Kepler orbit of eccentricity {CLOSE}, and stays below 1 % on one of eccentricity {ROUND}",
-    bound=LOST,
+    bound=judging.LOST,
     needs=("cubes/stability_kepler.h5",),
 )
 def close_encounters(results: Results, kept_below: float) -> Decision:
@@ -417,16 +404,16 @@ def close_encounters(results: Results, kept_below: float) -> Decision:
     statement="Higher order integrators usually have several negative coefficients, and large ones among these",
     threshold="more than half of the registered methods of order 6 or more for any separable Hamiltonian have several "
     "negative coefficients, and more than half have a large one, below -1: not a small one; holds in part with one of "
-    f"the two; {SEVERAL.brief}; {SMALL.brief}; {GENERALLY.brief}",
-    bound=GENERALLY.number,
+    f"the two; {judging.SEVERAL.brief}; {judging.SMALL.brief}; {judging.GENERALLY.brief}",
+    bound=judging.GENERALLY.number,
     needs=("tables/integrators.csv",),
 )
 def high_order_negative(results: Results, share: float) -> Decision:
     high = {row["integrator"]: row for row in results.rows("integrators") if int(row["order"]) >= 6}
     require(high, "the table of methods has none of order 6")
-    several = [int(row["negative coefficients"]) >= SEVERAL.number for row in high.values()]
+    several = [int(row["negative coefficients"]) >= judging.SEVERAL.number for row in high.values()]
     most = {name: _most_negative(results.method(name)) for name in high}
-    large = [one < -SMALL.number for one in most.values()]
+    large = [one < -judging.SMALL.number for one in most.values()]
     listed = [f"{label(name)} {high[name]['negative coefficients']} to {one:.2f}" for name, one in most.items()]
     new = min(_most_negative(results.method(name)) for name in NEW)
     value = f"several in {sum(several)} of {len(high)}, a large one in {sum(large)}; number and most negative: "

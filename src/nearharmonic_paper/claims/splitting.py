@@ -22,12 +22,12 @@ from nearharmonic_paper.claims.judging import APPROXIMATELY
 FORCE_GRADIENT = tuple(
     one for module in (rowlands_1991, chin_1997, omelyan_2002) for one in module.TABLEAUS if one.modified
 )
+in_section_1 = partial(background, paper="Section 1")
 #: Even orders that are tried: the free Lie algebra grows by a factor four from one to the next.
 EVEN_ORDERS = (2, 4, 6, 8)
 
 
-@background(
-    paper="Section 1",
+@in_section_1(
     sentence="SIs of arbitrarily high even order exist and can be constructed using Lie algebra",
     statement="Composing a method three times with itself raises its order by two, any number of times",
     threshold="the leapfrog has order 2, and its compositions with the weights 1/(2 - 2^(1/n)), n = 3, 5 and 7, have "
@@ -59,8 +59,7 @@ def leapfrogs(weights: Sequence[Any], digits: int, **about: Any) -> Tableau:
     return Tableau(kick=kick, drift=drift, first="drift", digits=digits, source=source, **about)
 
 
-@background(
-    paper="Section 1",
+@in_section_1(
     sentence="The force-gradient compositions benefit from all-positive splitting coefficients",
     statement="Fourth order methods that evaluate the force gradient have only positive coefficients",
     threshold="no negative coefficient in either fourth order method, of Rowlands (1991) and of Chin (1997); a "
@@ -75,8 +74,7 @@ def positive_force_gradient(_: Results) -> Decision:
     return tallied((one in forward for one in fourth), listed)
 
 
-@background(
-    paper="Section 1",
+@in_section_1(
     sentence="Non-gradient splitting methods of orders higher than two always involve negative coefficients",
     statement="Splitting methods of orders higher than two always involve negative coefficients",
     threshold="at least one negative coefficient in each registered method of order above 2; it is a theorem "
@@ -154,9 +152,8 @@ STRUCTURE = (
         bound=1.0,
         needs=("tables/structure.csv",),
     )(partial(_within, "return error", "return bound", "return error")),
-    background(
+    in_section_1(
         id="symplectic",
-        paper="Section 1",
         sentence="due to their structure-preserving properties",
         statement="The integrators preserve the symplectic structure",
         threshold="JᵀΩJ = Ω for the tangent map J of each run in double-double, within a random walk of its roundings",

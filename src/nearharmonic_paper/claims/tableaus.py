@@ -59,6 +59,8 @@ if TYPE_CHECKING:
 SETS = tuple(tableau.name for tableau in nielsen_2015.TABLEAUS)
 FIVE_STAGES = ("abas5o6h", "abas5o6h_b", "abas5o6h_c")
 UNIQUE = (*FIVE_STAGES, "babs6o7h")
+in_section_4a = partial(result, paper="Section 4.A")
+in_discussion = partial(result, paper="Section 5, Discussion")
 #: Decimals that Table 4 prints.
 DECIMALS = 76
 DERIVED = ("tables/table4_derived.csv",)
@@ -115,8 +117,7 @@ def table_4_stages(results: Results) -> Decision:
     return either(found == [5, 6, 7, 8, 9], ", ".join(map(str, found)))
 
 
-@result(
-    paper="Section 4.A",
+@in_section_4a(
     sentence="The naming convention of the obtained methods is [scheme]s[stages]o[order]H",
     statement="The sets are named [scheme]s[stages]o[harmonic order]H",
     threshold="each name states the composition, the stages and the proved harmonic order of the position",
@@ -240,8 +241,7 @@ COUNTS = (
 )
 
 
-@result(
-    paper="Section 4.A",
+@in_section_4a(
     sentence="Unique solutions satisfy both the ABA and BAB decompositions",
     statement="Unique solutions satisfy both the ABA and BAB decompositions",
     threshold=f"κ₁ to κ_(λ_H) of both compositions, each {BELOW_ZERO}",
@@ -267,16 +267,14 @@ def _sides(prime: bool, results: Results) -> Decision:
 
 
 SIDES = (
-    result(
+    in_section_4a(
         id="bab-leaves-p",
-        paper="Section 4.A",
         sentence="the error of p_(s+1) remains unaddressed for the BAB solution",
         statement="The conditions of a BAB set leave the momentum a lower harmonic order than the position",
         threshold="the proved harmonic order of p below that of q, for the BAB sets of Table 4",
     )(partial(_sides, False)),
-    result(
+    in_section_4a(
         id="bab-prime-leaves-q",
-        paper="Section 4.A",
         sentence="as opposed to BAB' solution where the error of q_(s+1) remains unaddressed",
         statement="The conditions of a BAB' set leave the position a lower harmonic order than the momentum",
         threshold="the proved harmonic order of q below that of p, for the BAB' sets of Table 4. BAB's7o6H tells "
@@ -303,8 +301,7 @@ near_forward = result(
 )(lambda results, small: either(*_small(results, small)))
 
 
-@result(
-    paper="Section 5, Discussion",
+@in_discussion(
     sentence="BABs7o7H and other splitting coefficients obtained in this paper generally perform small near-forward "
     "steps",
     statement="BABs7o7H and the other sets generally perform small substeps",
@@ -327,8 +324,7 @@ def _small(results: Results, small: float) -> tuple[bool, str]:
     return sum(good) > GENERALLY.number * len(good), value
 
 
-@result(
-    paper="Section 5, Discussion",
+@in_discussion(
     sentence="some of the methods presented in Table 4 only have small coefficients for either d or c",
     statement="Some of the methods of Table 4 only have small coefficients for either d or c",
     threshold="for at least one set the coefficients of one row are small compared to the other: at most half as large",
@@ -457,8 +453,7 @@ def table_4_columns(results: Results) -> Decision:
     return counted(good, f"in {sum(good)} of {len(good)} sets: as ABA they have {len(rows['abas5o6h'])} kicks, not six")
 
 
-@result(
-    paper="Section 5, Discussion",
+@in_discussion(
     sentence="the integrator performance may change drastically if the roles of T and V are switched",
     statement="The performance may change drastically if the roles of T and V are switched",
     threshold="maximum error of ABAs5o6H on the Hénon-Heiles system at least ten times larger with T and V exchanged, "
@@ -472,8 +467,7 @@ def roles_switched(results: Results, factor: float) -> Decision:
     return counted([ratio >= factor for ratio in ratios.values()], listed)
 
 
-@result(
-    paper="Section 4.A",
+@in_section_4a(
     sentence="the performance of the presented solutions depends on the applied scheme",
     statement="The performance of unique solutions depends on the applied scheme",
     threshold="maximum errors of ABAs5o6H A, B and C on the Hénon-Heiles system a tenth of a decade apart or more as "
@@ -512,6 +506,7 @@ def _kick_over_drift(results: Results, name: str) -> dict[str, float]:
 #: The modules of the ten methods but Nielsen's own: what they declare is covered by the digest of the job.
 SOURCES = (blanes_2013, forest_ruth_1990, kahan_li_1997, yoshida_1990)
 
+in_list = partial(background, paper="Section 4.B, list of the ten")
 #: Stages as the list prints them.
 LISTED = {
     "ruth": 3, "s5odr4": 5, "aba104": 7, "aba864": 7, "aba1064": 8, "yoshida_s7o6a": 7, "abas5o6h": 5, "babs7o7h": 7,
@@ -526,8 +521,7 @@ YOSHIDA_TABLE_1 = {
 }
 
 
-@background(
-    paper="Section 4.B, list of the ten",
+@in_list(
     sentence="The following 10 symmetric SIs are benchmarked",
     statement="Of the ten methods all but BAB's8o7H have the listed number of stages",
     threshold="equal to the number of coefficients in the shorter row",
@@ -550,8 +544,7 @@ def listed_stages_babps8o7h(results: Results) -> Decision:
     return either(stages == LISTED["babps8o7h"], f"{stages} stages")
 
 
-@background(
-    paper="Section 4.B, list of the ten",
+@in_list(
     sentence="Yosh s7o6 A [ABA] 7-stage, 6th order",
     statement="Yosh s7o6 A is of sixth order, the others of fourth",
     threshold="orders for any separable Hamiltonian, proved in the free Lie algebra",
@@ -561,8 +554,7 @@ def listed_orders(results: Results) -> Decision:
     return counted(good, f"{sum(good)} of 10")
 
 
-@background(
-    paper="Section 4.B, list of the ten",
+@in_list(
     sentence="ABA864 [ABA] 7-stage, 8-6-4 generalized order",
     statement="ABA104, ABA864 and ABA1064 are of generalized order 10-4, 8-6-4 and 10-6-4",
     threshold="generalised orders, proved in the free Lie algebra",

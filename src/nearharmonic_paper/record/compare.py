@@ -104,11 +104,12 @@ def _at_largest(
     if not distances.any():
         return None
     index = tuple(int(i) for i in np.unravel_index(int(np.argmax(distances)), a.shape))
+    first, second = (one[index].item() if isinstance(one[index], np.generic) else one[index] for one in (a, b))
     return Difference(
         kind=kind,
         where=where,
-        a=a[index].item() if isinstance(a[index], np.generic) else a[index],
-        b=b[index].item() if isinstance(b[index], np.generic) else b[index],
+        a=first,
+        b=second,
         relative=float(distances[index]) if kind == "number" else None,
         at={name: values[i] for (name, values), i in zip(coordinates, index, strict=True)},
         differ=int((distances > 0).sum()),
@@ -215,8 +216,8 @@ def _naming(left: pd.DataFrame, right: pd.DataFrame) -> list[str]:
 def _column_difference(where: str, a: np.ndarray, b: np.ndarray, at: Sequence[str]) -> Difference | None:
     numbers = all(map(_is_number, [*a, *b]))
     distances = [0.0 if x == y else _relative(x, y) if numbers else 1.0 for x, y in zip(a, b, strict=True)]
-    difference = _at_largest("number" if numbers else "text", where, a, b, np.array(distances), [("row", at)])
-    return replace(difference, a=_cell(difference.a), b=_cell(difference.b)) if difference and numbers else difference
+    told = _at_largest("number" if numbers else "text", where, a, b, np.array(distances), [("row", at)])
+    return replace(told, a=_cell(told.a), b=_cell(told.b)) if told and numbers else told
 
 
 def _relative(a: str, b: str) -> float:
@@ -248,39 +249,20 @@ CLAIMS = Path("tables/claims.json")
 ORIGIN = ("setting", "code", "coefficients", "version")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Comparison:
-    """Differences between two results: claims first, then the provenance, then cubes and tables.
+def compared(a: Path, b: Path) -> tuple[list[Difference], list[str]]:
+    """Return the differences between two folders of results, of any configs, and what is not compared.
 
-    ``left_out`` are files and variables that hold measured times and are not compared.
+    These are the files and variables that hold measured times. A file that cannot be read is a ResultFileError.
     """
-
-    differences: tuple[Difference, ...]
-    left_out: tuple[str, ...]
-
-    @property
-    def identical(self) -> bool:
-        """True if nothing differs."""
-        return not self.differences
-
-    @property
-    def same_numbers(self) -> bool:
-        """True if only the provenance of the results differs."""
-        return all(difference.kind in ORIGIN for difference in self.differences)
-
-
-def compared(a: Path, b: Path) -> Comparison:
-    """Compare two folders of results, of any configs; a file that cannot be read is a ResultFileError."""
     pair = _Pair(a, b)
-    parts = (
-        pair.claims(),
-        pair.settings(),
-        pair.origins(),
-        pair.files("cubes/*.h5", pair.cube),
-        pair.files("tables/*.csv", pair.table),
-    )
-    differences = [difference for part in parts for difference in part]
-    return Comparison(differences=tuple(differences), left_out=tuple(dict.fromkeys(pair.left_out)))
+    differences = [*pair.claims(), *pair.settings(), *pair.origins()]
+    differences += [*pair.files("cubes/*.h5", pair.cube), *pair.files("tables/*.csv", pair.table)]
+    return differences, list(dict.fromkeys(pair.left_out))
+
+
+def same_numbers(differences: Sequence[Difference]) -> bool:
+    """Return True if only the provenance of the results differs."""
+    return all(difference.kind in ORIGIN for difference in differences)
 
 
 class _Pair:
@@ -322,16 +304,16 @@ class _Pair:
         for kind in ("code", "coefficients"):
             for name, both in (makers if all(self._newest) else []) + cubes:
                 digests = [{name: told.get(f"{kind}_digest")} for told in both]
-                for difference in _keys_that_differ(kind, digests):
-                    yield replace(difference, a=_short_digest(difference.a), b=_short_digest(difference.b))
+                for one in _keys_that_differ(kind, digests):
+                    yield replace(one, a=one.a and one.a[:10], b=one.b and one.b[:10])
         versions: list[dict[str, Any]] = [{}, {}]
-        for told, side in ((told, versions[i]) for _, both in cubes for i, told in enumerate(both)):
-            side |= {key.removesuffix("_version"): told[key] for key in told if key.endswith("_version")}
-        for side in versions:
+        for _, both in cubes:
+            for side, told in zip(versions, both, strict=True):
+                side |= {key.removesuffix("_version"): told[key] for key in told if key.endswith("_version")}
+        for side, run in zip(versions, self._newest, strict=True):
             if "package" in side:
                 side["nearharmonic"] = side.pop("package")
-        if all(self._newest):
-            versions = [side | run.get("versions", {}) for side, run in zip(versions, self._newest, strict=True)]
+            side.update(run.get("versions", {}) if all(self._newest) else {})
         yield from _keys_that_differ("version", versions)
 
     def _attributes(self) -> Iterator[tuple[str, list[dict[str, str]]]]:
@@ -401,10 +383,6 @@ def _keys_that_differ(kind: str, both: Sequence[Mapping[str, Any]], where: str =
             yield Difference(kind=kind, where=where.format(key), a=a, b=b)
 
 
-def _short_digest(digest: Any) -> Any:
-    return digest[:10] if isinstance(digest, str) else digest
-
-
 # --- Energy errors of two results in one figure: broad pale lines for the first, thin dashes on them for the second.
 
 FIGURES = (".pdf", ".png", ".svg")
@@ -420,7 +398,6 @@ def save_overlay(results: Mapping[str, Path], place: str) -> Path:
 
     Another ending of the file than :data:`FIGURES`, or no system of which both have a cube, is a SettingError.
     """
-    from nearharmonic.output.store import double_runs
     from nearharmonic.plotting import style
 
     path = Path(place)
@@ -430,7 +407,7 @@ def save_overlay(results: Mapping[str, Path], place: str) -> Path:
     common = [name for name in cubes[0] if name in cubes[1]]
     if not common:
         raise SettingError(f"no figure: {' and '.join(results)} have no system in common")
-    pairs = {name: [double_runs(system_cube(files[name])) for files in cubes] for name in common}
+    pairs = {name: [store.double_runs(system_cube(files[name])) for files in cubes] for name in common}
     (written,) = style.save(style.house_style(overlay)(list(results), pairs), [path])
     return written
 
@@ -458,7 +435,7 @@ def overlay(results: Sequence[str], pairs: Mapping[str, Sequence[xr.Dataset]]) -
             _draw(axes, pair, variable, list(labels))
             axes.set_title(f"{pair[0].attrs.get('system_label', name)}: {says}", loc="left", fontsize=9, pad=4)
             unit = pair[0]["tau_per_stage"].attrs.get("units", "1")
-            axes.set_xlabel(r"step size per stage, $\tau/s$" + ("" if unit == "1" else f"  ({unit})"))
+            axes.set_xlabel(style.step_label(unit))
         row[0].set_ylabel(r"$|\Delta H/H_0|$")
         row[0].margins(x=0.02, y=0.03)
         for axes in row:
@@ -485,6 +462,6 @@ def _draw(axes: Axes, pair: Sequence[xr.Dataset], variable: str, methods: Sequen
             if second:
                 axes.plot(tau, errors, zorder=4, **line.line(marker="none", linestyle=DASHES, linewidth=1.0))
             else:
-                marked = style.mark_every(position, len(methods), len(tau))
+                marked = style.mark_every(position, len(methods), errors)
                 axes.plot(tau, errors, zorder=2, **line.line(marker="none", linewidth=2.4, alpha=0.4))
                 axes.plot(tau, errors, zorder=3, markevery=marked, **line.points())

@@ -201,8 +201,7 @@ def citation() -> dict[str, Any]:
     """Return the content of ``CITATION.cff``: ``title``, ``version``, ``license``, ``references`` and the rest."""
     import yaml
 
-    said: dict[str, Any] = yaml.safe_load(document("CITATION.cff"))
-    return said
+    return dict(yaml.safe_load(document("CITATION.cff")))
 
 
 def workflow_files() -> list[Member]:
@@ -394,29 +393,23 @@ def readme(about: Archive, members: Sequence[Member]) -> bytes:
         for name, words in PLACES.items()
         if name in counts
     ]
-    newest = about.runs[-1]
-    lines = [
-        f"# {about.title}",
-        "",
-        f"Results of the nearharmonic workflow (runs: {len(about.runs)}). The newest run started at {newest['start']} "
-        f"(commit {newest['commit'] or 'unknown'}).",
-        "",
-        *pipes(["file", "content"], rows),
-        "",
-        "The archive is an RO-Crate 1.1 with the profile Workflow Run Crate 0.5. `ro-crate-metadata.json` gives the "
-        "size and the SHA-256 of each file, and for each run its settings, its software and its files. "
-        "`ro-crate-preview.html` shows the same in a browser, without a network.",
-        "",
-    ]
-    if about.left_out:
-        says = "Trajectories, below `runs/` in `manifest.json`, are not in this archive"
-        lines += [f"{says} (files: {about.left_out}).", ""]
-    lines += [
-        "- Check the archive: `nearharmonic verify FILE.zip`.",
-        "- Run again with the same settings: `snakemake -j2 --configfile config.json`.",
-        "",
-    ]
-    return "\n".join(lines).encode()
+    newest, table = about.runs[-1], "\n".join(pipes(["file", "content"], rows))
+    says = "Trajectories, below `runs/` in `manifest.json`, are not in this archive"
+    left_out = f"{says} (files: {about.left_out}).\n\n" if about.left_out else ""
+    return f"""# {about.title}
+
+Results of the nearharmonic workflow (runs: {len(about.runs)}). The newest run started at {newest["start"]} \
+(commit {newest["commit"] or "unknown"}).
+
+{table}
+
+The archive is an RO-Crate 1.1 with the profile Workflow Run Crate 0.5. `ro-crate-metadata.json` gives the \
+size and the SHA-256 of each file, and for each run its settings, its software and its files. \
+`ro-crate-preview.html` shows the same in a browser, without a network.
+
+{left_out}- Check the archive: `nearharmonic verify FILE.zip`.
+- Run again with the same settings: `snakemake -j2 --configfile config.json`.
+""".encode()
 
 
 def zenodo(about: Archive) -> bytes:

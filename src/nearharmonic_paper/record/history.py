@@ -108,19 +108,13 @@ def _line(number: int, text: bytes, previous: Line | None) -> Line:
         return Line(number=number, digest=digest, run=_damaged_run(number, text), fault=fault)
     given = {key: document.pop(key, None) for key in ("sha256", "before", "faults")}
     is_sealed = given["sha256"] is not None
-    if is_sealed and not _follows(given["before"], previous):
+    follows = given["before"] == (previous and previous.digest) or bool(previous and previous.fault)
+    if is_sealed and not follows:
         fault = "does not follow the line before: a line was lost, added or changed there"
     elif not is_sealed and previous is not None and previous.is_sealed:
         fault = "has no seal, while the line before has one"
     known = tuple(given["faults"] or ())
     return Line(number=number, digest=digest, run=document, is_sealed=is_sealed, fault=fault, known=known)
-
-
-def _follows(before: object, previous: Line | None) -> bool:
-    """Return True if ``before`` is the digest of the previous line, or if that line is damaged itself."""
-    if previous is None:
-        return before is None
-    return previous.fault != "" or before == previous.digest
 
 
 def _document(text: bytes) -> tuple[Run | None, str]:

@@ -59,11 +59,9 @@ def read(folder: Path) -> dict[str, Any]:
 
 
 def write(
-    folder: Path,
-    makeable: Collection[str] | None = None,
-    configfiles: Sequence[str] = (),
+    folder: Path, makeable: Collection[str] | None = None, configfiles: Sequence[str] = (),
     receipts: Receipts | None = None,
-) -> list[str]:
+) -> list[str]:  # fmt: skip
     """Write the manifest of ``folder`` from its receipts, and from the previous manifest if a receipt is lost.
 
     ``makeable`` are the names of all files that jobs of the present config make, any by default: a missing one of them
@@ -71,21 +69,17 @@ def write(
     files that have changed after their job wrote them are returned, sorted; their entries keep the original digest. A
     manifest that cannot be written is an OSError.
     """
-    entries = entries_of(folder, receipts)
-    there = set(names_in(folder))
-    wanted = there if makeable is None else there | set(makeable)
-    entries = {name: entries[name] for name in sorted(entries) if makeable is None or name in wanted}
+    known, there = entries_of(folder, receipts), set(names_in(folder))
+    made = set(known if makeable is None else makeable)
+    entries = {name: known[name] for name in sorted(known) if name in there | made}
     changed = [name for name, entry in entries.items() if name in there and is_changed(folder / name, entry)]
-    for entry in entries.values():
-        for varying in VARYING:
-            entry.pop(varying, None)
     document = {
         "format": FORMAT,
         "configfiles": list(configfiles),
-        "files": entries,
+        "files": {n: {k: v for k, v in entry.items() if k not in VARYING} for n, entry in entries.items()},
         "changed": changed,
-        "former": [] if makeable is None else sorted(entries.keys() - set(makeable)),
-        "unrecorded": [] if makeable is None else sorted((there & set(makeable)) - entries.keys()),
+        "former": sorted(entries.keys() - made),
+        "unrecorded": sorted((there & made) - entries.keys()),
     }
     write_text(folder / MANIFEST, json.dumps(sealed(document), indent=1) + "\n")
     return changed
@@ -184,18 +178,15 @@ def folder_of(name: str) -> Path:
     for folder in (Path(name), RESULTS / name):
         if is_result(folder):
             return folder
-    known = result_names()
-    if not known:
-        says = f"no folder below {RESULTS}/ holds a result. Make the first: snakemake -j2"
-        raise UnknownNameError(f"unknown result {name!r}: {says}")
-    raise unknown_name("result", name, known)
+    if known := result_names():
+        raise unknown_name("result", name, known)
+    says = f"no folder below {RESULTS}/ holds a result. Make the first: snakemake -j2"
+    raise UnknownNameError(f"unknown result {name!r}: {says}")
 
 
 def result_names() -> list[str]:
     """Return the sorted names of the folders below ``results/`` with a result."""
-    if not RESULTS.is_dir():
-        return []
-    return sorted(folder.name for folder in RESULTS.iterdir() if is_result(folder))
+    return sorted(folder.name for folder in RESULTS.glob("*") if is_result(folder))
 
 
 def is_result(folder: Path) -> bool:

@@ -28,7 +28,7 @@ from nearharmonic.output import store
 from nearharmonic.output.store import Variables
 from nearharmonic.systems import systems
 from nearharmonic.systems.user_file import SystemDefinition
-from nearharmonic_paper.experiments.paper.run import runs_of
+from nearharmonic_paper.experiments.paper.run import integrate_run, runs_of
 from nearharmonic_paper.record import manifest
 from nearharmonic_paper.record.history import makers_in
 from nearharmonic_paper.record.manifest import check_files_of
@@ -180,10 +180,8 @@ DIMENSIONS = ("integrator", "precision", "tau_per_stage")
 #: Status of a cell without a run.
 SKIPPED = "skipped"
 
-Units = dict[str, dict[str, str]]
 
-
-def run_table(folders: Mapping[str, Path]) -> tuple[pd.DataFrame, Units]:
+def run_table(folders: Mapping[str, Path]) -> tuple[pd.DataFrame, dict[str, dict[str, str]]]:
     """Return every run of some results, sorted by result, system, integrator, precision and step size.
 
     ``folders`` are those of the results by name; if there are several, the first column is ``result`` with their names.
@@ -199,7 +197,7 @@ def run_table(folders: Mapping[str, Path]) -> tuple[pd.DataFrame, Units]:
     """
     leading = ["result", *COLUMNS] if len(folders) > 1 else list(COLUMNS)
     parts: list[pd.DataFrame] = []
-    units: Units = {}
+    units: dict[str, dict[str, str]] = {}
     for result, folder in folders.items():
         left_out = former_systems(folder)
         for path in (path for path in system_cubes(folder) if path.stem not in left_out):
@@ -233,12 +231,12 @@ def former_systems(folder: Path) -> list[str]:
 
 def settings_of(path: Path, attributes: Mapping[str, Any]) -> dict[str, Any]:
     """Return the settings of a file from its attributes; {} if it has none, ResultFileError if they are no JSON."""
+    settings: Any = {}
     try:
         settings = json.loads(attributes.get("settings", "{}"))
+        fault = complaint("settings", settings)
     except (TypeError, ValueError, RecursionError):
         fault = "are no JSON"
-    else:
-        fault = complaint("settings", settings)
     if fault:
         raise store.unusable(path, f"has settings that cannot be read: the text {fault}")
     return dict(settings)
@@ -374,20 +372,17 @@ def _python_lines(
     """Return Python code that repeats a run; the printed number is bitwise identical to the number in the cube."""
     system, before = _system_lines(str(cells["system"]), definitions)
     own = definitions.get("integrators", {}).get(str(cells["integrator"]))
-    integrator = _literal(cells["integrator"] if own is None else f"{own.file}:{cells['integrator']}")
+    integrator = json.dumps(str(cells["integrator"]) if own is None else f"{own.file}:{cells['integrator']}")
     given: dict[str, Any] = {name: settings[name] for name in ("t_end", "summation", "samples") if name in settings}
-    given |= {
-        name: settings[name]
-        for name, usual in SharedSettings().shared_settings.items()
-        if settings.get(name, usual) != usual
-    }
+    shared = SharedSettings().shared_settings.items()
+    given |= {name: settings[name] for name, usual in shared if settings.get(name, usual) != usual}
     more = ", ".join(f"{name}={json.dumps(value)}" for name, value in given.items())
     return [
         "import nearharmonic as nh",
         *before,
         "",
         "run = nh.integrate(",
-        f"    {system}, {integrator}, tau={cells['tau']!r}, precision={_literal(cells['precision'])},",
+        f"    {system}, {integrator}, tau={cells['tau']!r}, precision={json.dumps(str(cells['precision']))},",
         *([f"    {more},"] if more else []),
         ")",
         f"print(run.max_energy_error.item())  # {cells['max_energy_error']!r}",
@@ -398,26 +393,19 @@ def _system_lines(name: str, definitions: Mapping[str, Any]) -> tuple[str, list[
     """Return the argument for a system in a call, and the lines before the call."""
     told = definitions.get("systems", {}).get(name)
     if told is None:
-        return _literal(name), []
+        return json.dumps(name), []  # names in a result may hold quotes
     if told == SystemDefinition(file=told.file):
-        return _literal(told.file), []
+        return json.dumps(str(told.file)), []
     imported = "from nearharmonic.systems.user_file import SystemDefinition"
-    return "system", [imported, "", f"system = {told!r}.make({_literal(name)})"]
-
-
-def _literal(value: object) -> str:
-    """Return the literal of a text in Python; names in a result may hold quotes."""
-    return json.dumps(str(value))
+    return "system", [imported, "", f"system = {told!r}.make({json.dumps(name)})"]
 
 
 def _files(folder: Path, paths: Mapping[str, Path | None]) -> dict[str, dict[str, Any]]:
     """Return path, entry in the manifest and newest maker of files."""
     recorded = manifest.read(folder)["files"] if (folder / manifest.MANIFEST).exists() else {}
-    makers, files = makers_in(folder), {}
-    for what, name in [(what, path.relative_to(folder).as_posix()) for what, path in paths.items() if path is not None]:
-        maker = {"run": makers[name]} if name in makers else {}
-        files[what] = {"path": name, **recorded.get(name, {}), **maker}
-    return files
+    makers = {name: {"run": run} for name, run in makers_in(folder).items()}
+    names = {what: path.relative_to(folder).as_posix() for what, path in paths.items() if path is not None}
+    return {what: {"path": n, **recorded.get(n, {}), **makers.get(n, {})} for what, n in names.items()}
 
 
 # --- Repetition of recorded runs: equal settings give bitwise identical results.
@@ -461,7 +449,6 @@ def _cells(folder: Path, name: str) -> Iterator[tuple[str, str, int]]:
 def _again(folder: Path, name: str, precision: str, index: int) -> Rerun:
     """Repeat the run ``index`` with this precision of a file."""
     from nearharmonic_paper.experiments.paper.reductions import reduced_run
-    from nearharmonic_paper.experiments.paper.run import integrate_run
 
     kept = store.read(folder / name, None if precision == "double" else precision)
     settings = settings_of(folder / name, kept.attrs)
@@ -477,10 +464,8 @@ def _again(folder: Path, name: str, precision: str, index: int) -> Rerun:
 
 def _differing(made: Variables, kept: Any, index: int) -> Iterator[str]:
     """Return the names of variables that are not bitwise identical to run ``index`` of ``kept``."""
-    for name in made.keys() | set(kept.variables):
-        if name not in made or name not in kept.variables:
-            yield name
-            continue
+    yield from made.keys() ^ set(kept.variables)
+    for name in made.keys() & set(kept.variables):
         dimensions, values, _ = made[name]
         before = kept[name].values[index : index + 1] if dimensions[:1] == ("tau_per_stage",) else kept[name].values
         after = np.asarray(values)

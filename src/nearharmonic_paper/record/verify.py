@@ -20,17 +20,8 @@ from nearharmonic_paper.config import read_mapping
 from nearharmonic_paper.record import history, manifest
 from nearharmonic_paper.record.manifest import check_files_of, integrator_files_not_run, is_edited, recorded_digests
 from nearharmonic_paper.record.workflow_run import lost_line
+from nearharmonic_paper.tasks import provenance
 from nearharmonic_paper.tasks.experiment import beside_the_paper, experiments
-from nearharmonic_paper.tasks.provenance import (
-    damaged_receipts,
-    defined,
-    digests,
-    forget,
-    identity,
-    measured,
-    read_definitions,
-    settings_digest,
-)
 
 # --- Check of every file, and of the code and coefficients that made it.
 
@@ -83,7 +74,7 @@ def _of_record(folder: Path) -> Iterator[Fault]:
         told.append(f"has lost its last line or more; it has {len(lines)}")
     for says in told:
         yield Fault(history.HISTORY, says, f"The next run with jobs records this, for example: {again}")
-    for place in damaged_receipts(folder):
+    for place in provenance.damaged_receipts(folder):
         name, mend = place.relative_to(folder).as_posix(), "The next run replaces or removes it"
         yield Fault(name, "is a damaged receipt", f"{mend}: {workflow_command(place)}")
     for place in parts_in(folder):
@@ -100,7 +91,7 @@ def _of_files(folder: Path, recorded: Mapping[str, Any]) -> Iterator[Fault]:
             yield Fault(name, "is of a former config: no job makes it now", "Move it elsewhere")
         elif name not in there:
             yield Fault(name, "is missing", again)
-        elif (digest := measured(folder / name)["sha256"]) != entries.get(name, {}).get("sha256"):
+        elif (digest := provenance.measured(folder / name)["sha256"]) != entries.get(name, {}).get("sha256"):
             if digest == by_now.get(name, {}).get("sha256"):
                 mend = f"Wait for it, or run the workflow again: {workflow_command(folder / name)}"
                 yield Fault(name, "was made by a run that has not ended, or was killed", mend)
@@ -120,7 +111,7 @@ def _of_inputs(folder: Path, entries: EntriesByName) -> Iterator[Fault]:
     for name, entry in entries.items():
         for source, before in entry.get("inputs", {}).items():
             if source in entries and source not in now:
-                now[source] = identity(folder / source)
+                now[source] = provenance.identity(folder / source)
             if now.get(source, before) != before:
                 mend = f"Bring it up to date: {workflow_command(folder / name)} -- {quote(str(folder / name))}"
                 yield Fault(name, f"was made from another {source}", mend)
@@ -154,8 +145,8 @@ def _difference(
     told = json.loads(definitions)
     try:
         not_run = integrator_files_not_run([{"definitions": told}])
-        with defined(read_definitions(told)):
-            here = digests(function, problems, () if not_run else methods)
+        with provenance.defined(provenance.read_definitions(told)):
+            here = provenance.digests(function, problems, () if not_run else methods)
         if not_run:
             here["coefficients"] = "" if any(is_edited(file, files) for file in not_run) else recorded["coefficients"]
     except NearharmonicError as error:
@@ -169,29 +160,20 @@ def _target_of(function: str) -> str:
     return f" -- {experiment.target}" if experiment in beside_the_paper() else ""
 
 
-class Extent(NamedTuple):
-    """Contents of a folder of results without a fault.
+def extent(folder: Path) -> tuple[int, int, list[str], int]:
+    """Return what the manifest and the history of ``folder``, which has no fault, tell of its files.
 
     These are the number of its files and their size in bytes; the sorted files with users' integrators whose
     coefficients :func:`faults` does not compute; and the number of files from runs with a different config than that of
     the newest successful run, which may be up to date: the section of one system does not affect other systems.
     """
-
-    files: int
-    size: int
-    not_run: list[str]
-    of_other_configs: int
-
-
-def extent(folder: Path) -> Extent:
-    """Return what the manifest and the history of ``folder`` tell of its files."""
     entries = manifest.read(folder)["files"]
     configs = {run["id"]: run.get("config_digest") for run in history.runs_of(folder)}
     newest, makers = history.newest_finished(folder) or {}, history.makers_in(folder)
     made = [configs.get(makers.get(name, entry.get("run"))) for name, entry in entries.items()]
     others = sum(config != newest.get("config_digest") for config in made) if newest else 0
     size = sum(entry["size"] for entry in entries.values())
-    return Extent(len(entries), size, integrator_files_not_run(entries.values()), others)
+    return len(entries), size, integrator_files_not_run(entries.values()), others
 
 
 # --- Adoption as up to date, after a check of all files, the code and the settings.
@@ -227,7 +209,7 @@ def adopt(folder: Path, configfile: str | None = None) -> int:
     if done.returncode:
         reason = re.search(r"(?:RefusedError in .*|MissingRuleException:|WorkflowError in .*)\n(.*)", done.stderr)
         raise RefusedError(f"{folder} is not adopted: {reason[1] if reason else done.stderr.strip()[-1000:]}")
-    forget(folder, names)  # receipts of previous results in this folder
+    provenance.forget(folder, names)  # receipts of previous results in this folder
     return len(files)
 
 
@@ -270,7 +252,7 @@ def check_tasks(folder: Path, tasks: Iterable[Mapping[str, Any]]) -> None:
     Snakemake has described the tasks of all requested files by then.
     """
     keys = ("settings", "code", "coefficients")
-    here = {(task["function"], settings_digest(task), task["code"], task["coefficients"]) for task in tasks}
+    here = {(task["function"], provenance.settings_digest(task), task["code"], task["coefficients"]) for task in tasks}
     for name, entry in manifest.read(folder)["files"].items():
         if (entry["function"], *(entry[key] for key in keys)) in here:
             continue

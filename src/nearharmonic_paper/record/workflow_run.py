@@ -30,21 +30,8 @@ from nearharmonic.systems import systems
 from nearharmonic_paper.config import Config
 from nearharmonic_paper.experiments.paper.run import totals_in
 from nearharmonic_paper.record import history, manifest
+from nearharmonic_paper.tasks import provenance
 from nearharmonic_paper.tasks.job import LEADER
-from nearharmonic_paper.tasks.provenance import (
-    PACKAGE,
-    PACKAGES,
-    ROOT,
-    RUN,
-    Receipts,
-    coefficients_digest,
-    damaged_receipts,
-    digest_of_file,
-    files_in,
-    module_digest,
-    names_made_by,
-    receipts_in,
-)
 
 # --- Fingerprint of a run: its config, code, coefficients and versions, and its machine.
 
@@ -68,27 +55,29 @@ def fingerprint(config: Config) -> dict[str, Any]:
         "config": resolved,
         "config_digest": digest_of(resolved),
         "code_digest": package_digest(),
-        "coefficients_digest": coefficients_digest(integrators[name] for name in methods),
+        "coefficients_digest": provenance.coefficients_digest(integrators[name] for name in methods),
         "versions": versions(),
     }
-    files = files_in({"systems": systems.definitions, "integrators": integrators.definitions})
+    files = provenance.files_in({"systems": systems.definitions, "integrators": integrators.definitions})
     if files:
-        told["user_files"] = {file: digest_of_file(file) for file in files}
+        told["user_files"] = {file: provenance.digest_of_file(file) for file in files}
     return {"work": digest_of(told), **told}
 
 
-def package_digest(root: Path = ROOT) -> str:
+def package_digest(root: Path = provenance.ROOT) -> str:
     """Return the SHA-256 of the code of all modules of the packages, without docstrings and comments."""
-    files = [path for package in PACKAGES for path in root.joinpath(package).rglob("*.py")]
+    files = [path for package in provenance.PACKAGES for path in root.joinpath(package).rglob("*.py")]
     places = [path.relative_to(root).with_suffix("") for path in files]
     modules = sorted(".".join(p.parts[:-1] if p.name == "__init__" else p.parts) for p in places)
-    return digest_of({name: module_digest(name, None if root == ROOT else root) for name in modules})
+    return digest_of(
+        {name: provenance.module_digest(name, None if root == provenance.ROOT else root) for name in modules}
+    )
 
 
 def versions() -> dict[str, str]:
     """Return the versions of Python, of this package and of the installed :data:`LIBRARIES`."""
     installed = {"python": platform.python_version()}
-    for name in (PACKAGE, *LIBRARIES):
+    for name in (provenance.PACKAGE, *LIBRARIES):
         with suppress(PackageNotFoundError):
             installed[name] = version(name)
     return installed
@@ -124,18 +113,14 @@ def revision(folder: Path) -> dict[str, Any]:
 # A start compares it with the present state, which takes milliseconds, and computes digests only of what differs.
 
 STATE = Path("logs", "state")
-#: Files of the record, which are compared too.
-RECORD = (history.HISTORY, manifest.MANIFEST)
-
-Observed = list[int] | None
 
 
-def save(folder: Path, makeable: Iterable[str], receipts: Receipts) -> None:
+def save(folder: Path, makeable: Iterable[str], receipts: provenance.Receipts) -> None:
     """Write the state of ``folder`` after a run; files that are not as their job wrote them count as unknown."""
     told = manifest.read(folder)
     unknown = {*told["changed"], *told["unrecorded"]}
     places = (place.relative_to(folder).as_posix() for place, _ in receipts)
-    names = sorted({*makeable, *told["files"], *RECORD, *places} - unknown)
+    names = sorted({*makeable, *told["files"], *manifest.LEFT_OUT, *places} - unknown)  # the record is compared too
     files = {name: _observed(folder, name) for name in names} | {name: [] for name in sorted(unknown)}
     lines = history.lines_of(folder / history.HISTORY)
     head = lost_line(folder, lines) or (lines[-1].digest if lines else None)
@@ -183,7 +168,7 @@ def _saved(folder: Path) -> dict[str, Any]:
         return {}
 
 
-def _observed(folder: Path, name: str) -> Observed:
+def _observed(folder: Path, name: str) -> list[int] | None:
     """Return size and time of a file; None if there is none."""
     try:
         state = os.stat(f"{folder}/{name}")  # noqa: PTH116 - pathlib takes longer than the system
@@ -264,12 +249,9 @@ class WorkflowRun:
     """One run of the workflow, in the process of Snakemake."""
 
     def __init__(
-        self,
-        folder: str | os.PathLike[str],
-        config: Config,
-        makeable: Collection[str] = (),
+        self, folder: str | os.PathLike[str], config: Config, makeable: Collection[str] = (),
         configfiles: Sequence[str] = (),
-    ) -> None:
+    ) -> None:  # fmt: skip
         self._folder, self._config, self._makeable, self._configfiles = Path(folder), config, makeable, configfiles
         self._began = datetime.now(UTC)
         #: What the history tells of this run.
@@ -304,7 +286,7 @@ class WorkflowRun:
                 remove_parts(self._folder)
             with self._warning("damaged receipts are not removed"):
                 self._remove_damaged_receipts()
-            self._complete(receipts_in(self._folder))
+            self._complete(provenance.receipts_in(self._folder))
         with self._warning("damaged files are not made again"):
             atexit.register(restore, self._folder)
             for name in damaged_files(self._folder, self._makeable, different):
@@ -327,7 +309,7 @@ class WorkflowRun:
             "targets": list(targets),
             "made": [],
         }
-        os.environ |= {RUN: self.id, LEADER: f"{platform.node()}:{os.getpid()}"}  # jobs inherit them
+        os.environ |= {provenance.RUN: self.id, LEADER: f"{platform.node()}:{os.getpid()}"}  # jobs inherit them
         with self._warning("the run is not recorded in full"):
             self.told |= fingerprint(self._config)
             self.told |= machine()
@@ -339,20 +321,20 @@ class WorkflowRun:
     def end(self, exit_status: int) -> None:
         """Write manifest and history at the end of a run, with the ``exit_status`` of Snakemake."""
         restore(self._folder)
-        receipts, ended = receipts_in(self._folder), datetime.now(UTC)
+        receipts, ended = provenance.receipts_in(self._folder), datetime.now(UTC)
         self.told |= {
             "status": "failed" if exit_status else "ok",
             "exit_status": exit_status,
             "end": _stamp(ended),
             "duration": round((ended - self._began).total_seconds(), 3),
             "cpu_seconds": round(sum(os.times()[:4]), 2),
-            "made": names_made_by(receipts, self.id),
+            "made": provenance.names_made_by(receipts, self.id),
         }
         with self._warning("the evaluations are not recorded"):
             self.told |= self._counts(receipts)
         self._complete(receipts, ends=True)
 
-    def _complete(self, receipts: Receipts, *, ends: bool = False) -> None:
+    def _complete(self, receipts: provenance.Receipts, *, ends: bool = False) -> None:
         """Write the manifest, the line of the history if the run ``ends``, and the state for the next start."""
         with self._warning("the manifest is not written"):
             if changed := manifest.write(self._folder, self._makeable, self._configfiles, receipts):
@@ -369,15 +351,14 @@ class WorkflowRun:
 
     def _remove_damaged_receipts(self) -> None:
         """Remove damaged receipts: the manifest has the entries of their files, or their jobs run again."""
-        damaged = damaged_receipts(self._folder)
-        for place in damaged:
-            place.unlink()
-        if damaged:
+        if damaged := provenance.damaged_receipts(self._folder):
+            for place in damaged:
+                place.unlink()
             listed = ", ".join([*map(str, damaged[:3]), *(["..."] if len(damaged) > 3 else [])])
             says = "damaged receipts are removed"
             self._warn("receipts", f"{len(damaged)} {says}: {listed}")
 
-    def _counts(self, receipts: Receipts) -> dict[str, int | None]:
+    def _counts(self, receipts: provenance.Receipts) -> dict[str, int | None]:
         """Numbers of jobs that ran and of those whose results were there, and of evaluations."""
         began = self._began.timestamp()
         new = [files for place, files in receipts if place.stat().st_mtime >= began]

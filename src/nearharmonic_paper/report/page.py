@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from nearharmonic.integrators import BENCHMARKED
 from nearharmonic.output.table import short
-from nearharmonic_paper.claims.claim import OPEN, failures, of_the_paper, sums
+from nearharmonic_paper.claims.claim import FINDING, OPEN, deciders, failures, of_the_paper, sums
 from nearharmonic_paper.report import shown as wording
 from nearharmonic_paper.report.shown import (
     Places,
@@ -81,8 +81,8 @@ def _templates() -> Any:
 LARGEST = 4_000_000
 #: Verdicts in the order of the statements beneath a figure.
 WORST_FIRST = ("fails", "erratum", "holds in part", "holds but for edges", "holds", OPEN)
-#: Cube whose figure stands at the top of the page, if it is there and the config has no system of its own.
-FIRST_SHOWN = "henon_heiles"
+#: Figure at the top of the page; without it, that of the config's own system, or that of this cube.
+FIRST_SHOWN, OR_OF_CUBE = "gain", "henon_heiles"
 
 
 class Section(NamedTuple):
@@ -129,9 +129,11 @@ def page(folder: str | os.PathLike[str], leftovers: Sequence[str] = (), **_: Any
     places = Places(every, [*tables, *(table for section in sections for table in section.tables)])
     claims = [claim | {"pieces": places.pieces(claim)} for claim in results.claims]
     for figure in every:
-        own = (claim for claim in claims if figure.anchor in places.figures(claim))
+        own = (claim for claim in claims if claim["kind"] != FINDING and figure.anchor in places.figures(claim))
         figure.statements = sorted(own, key=lambda claim: WORST_FIRST.index(claim["verdict"]))
-    legend = entries(figures)
+    first = [one for one in every if one.stem == FIRST_SHOWN]
+    first += [one for one in figures if one.is_own or one.cube == OR_OF_CUBE] or every
+    later = {target: time for target, time in deciders(results.claims) if target != "all"}
     values = {
         "results": results,
         "claims": claims,
@@ -141,9 +143,11 @@ def page(folder: str | os.PathLike[str], leftovers: Sequence[str] = (), **_: Any
         "figures": figures,
         "own": [results.labels[str(one.cube)] for one in figures if one.is_own],
         "every": every,
-        "first": next((one for one in figures if one.is_own or one.cube == FIRST_SHOWN), next(iter(every), None)),
-        "legend": legend,
-        "methods": coefficients(one.method for one in legend if "figure-6" in {figure.anchor for figure in figures}),
+        "first": next(iter(first), None),
+        "later": later,
+        "methods": coefficients(
+            one.method for one in entries(figures) if "figure-6" in {each.anchor for each in figures}
+        ),
         "tables": tables,
         "skipped": results.tables(("skipped",)),
         "sections": sections,
@@ -160,10 +164,8 @@ def figure_6_alive() -> str:
 def _alone(results: ShownResults, figures: Sequence[ShownFigure]) -> dict[str, str]:
     """Return the page of each interactive figure, by the names of their outputs."""
     live = [one for one in figures if one.panels]
-    return {
-        name: filled("figure.html", {"results": results, "figure": one, "legend": entries([one])})
-        for name, one in zip(pages_alone(results.figures), live, strict=True)
-    }
+    named = zip(pages_alone(results.figures), live, strict=True)
+    return {name: filled("figure.html", {"results": results, "figure": one}) for name, one in named}
 
 
 def _small_enough(values: Mapping[str, Any]) -> str:

@@ -15,33 +15,39 @@ import sys
 from base64 import b64encode
 from collections.abc import Iterable, Mapping, Sequence
 from importlib.metadata import distribution, version
-from math import isfinite, log10, pi
+from math import log10, pi
 from pathlib import Path
 from string import ascii_uppercase
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from contourpy import contour_generator
 
 from nearharmonic.output.store import double_runs
 from nearharmonic.output.table import power_of_ten
 from nearharmonic.plotting.profile import (
     LARGEST_ERROR,
     PANELS,
+    Line,
+    beyond,
     energy_error_label,
     floor_name,
     floor_near,
     lines,
+    lone,
     style_of,
 )
-from nearharmonic_paper.claims.claim import short
 from nearharmonic_paper.experiments.paper.gain import gains
 from nearharmonic_paper.experiments.paper.orbits import (
     MERCURY_RELATIVISTIC_ADVANCE,
     SATISFIED_BELOW,
     advances,
     arcseconds_per_century,
+    contours,
+    label_places,
+    legs,
+    levels,
+    statement,
 )
 
 if TYPE_CHECKING:
@@ -237,15 +243,15 @@ def lines_of(lines: Sequence[Any]) -> Model:
     return Model("ColumnDataSource", data={"x": [line[0] for line in lines], "y": [line[1] for line in lines]})
 
 
-def marked(columns: Mapping[str, Any], at: tuple[str, str], turn: tuple[int, int]) -> dict[str, Any]:
-    """Return ``columns`` with a mask of the points ``at`` (x and y) with a marker: one of every few points.
+def marked(columns: Mapping[str, Any], y: str, line: Line) -> dict[str, Any]:
+    """Return ``columns`` with a mask of the points with a marker: those that no line leads to, and one of every few.
 
-    ``turn`` is the index of the method and the number of methods.
+    Curves in extended precision have only the former.
     """
-    there = np.flatnonzero(np.isfinite(columns[at[0]]) & np.isfinite(columns[at[1]]))
-    step = max(1, there.size // _MARKS)
-    chosen = np.zeros(len(columns[at[0]]), dtype=np.uint8)
-    chosen[there[turn[0] * step // max(1, turn[1]) :: step]] = 1
+    chosen, there = lone(columns[y]).astype(np.uint8), np.flatnonzero(np.isfinite(columns[y]))
+    if not line.extended:
+        step, (index, methods) = max(1, there.size // _MARKS), line.turn
+        chosen[there[index * step // max(1, methods) :: step]] = 1
     return {**columns, MARKED: chosen}
 
 
@@ -299,9 +305,7 @@ def add_hits(plot: Model, source: Model, at: tuple[str, str], method: str, name:
     points between gaps get invisible markers.
     """
     columns = source.data
-    x, y = (np.asarray(columns[one], dtype=float) for one in at)
-    there = np.pad(np.isfinite(x) & np.isfinite(y), 1)
-    alone = there[1:-1] & ~there[:-2] & ~there[2:]
+    alone = lone(np.asarray(columns[at[1]], dtype=float))
     unseen = {"line_alpha": 0.0, "line_width": _REACH}
     line = Model("Line", **fields(x=at[0], y=at[1]), **unseen)
     found = [add(plot, source, line, method, name)]
@@ -331,8 +335,10 @@ def add_hover(plot: Model, renderers: Sequence[Model], rows: Sequence[tuple[str,
 
 # --- Figures of the paper.
 
-#: Height of the crosses of diverged runs, relative to the upper end of the axis.
-_EDGE = 0.8
+#: Height of a row of the strip of diverged runs, relative to the panel beneath it; and style of its name.
+_ROW = 0.011
+_NAME = {"text_font": FONT, "text_font_size": "11px", "text_color": "#444444", "text_baseline": "middle"}
+_SQUARE = {"marker": "square", "angle": 0.0, "size": 4, "line_color": None}
 #: Operator of the outer row -> name of the composition.
 _COMPOSITIONS = {"drift": "ABA", "kick": "BAB"}
 #: Shades of the Hamiltonian, from low to high.
@@ -345,13 +351,17 @@ _BLUE, _RED, _GREEN = "#0b5fb5", "#d7301f", "#1a9850"
 _BAR = {"marker": "dash", "size": 7, "line_color": "#ffffff", "line_width": 2}
 #: (next drift negative, next kick negative) -> meaning, and markers drawn over each other.
 _DOTS: dict[tuple[bool, bool], tuple[str, tuple[dict[str, Any], ...]]] = {
-    (False, False): ("no negative coefficient follows", ({"size": 7, "fill_color": _BLUE},)),
-    (True, False): ("a negative drift follows", ({"size": 11, "fill_color": _RED}, _BAR)),
-    (False, True): ("a negative kick follows", ({"size": 10, "fill_color": _GREEN}, _BAR | {"angle": pi / 2})),
+    (False, False): ("next drift and kick forward", ({"size": 7, "fill_color": _BLUE},)),
+    (True, False): ("next drift backward", ({"size": 11, "fill_color": _RED}, _BAR)),
+    (False, True): ("next kick backward", ({"size": 10, "fill_color": _GREEN}, _BAR | {"angle": pi / 2})),
     (True, True): (
-        "negative drift and kick follow",
+        "next drift and kick backward",
         ({"size": 12, "fill_color": _RED}, {"size": 7, "fill_color": _GREEN, "line_color": "#ffffff"}),
     ),
+}
+#: Look of a colour bar.
+_SCALE = {"padding": 2, "bar_line_color": "#444444", "title_standoff": 2, "title_text_font": FONT} | {
+    name: value for name, value in _AXIS.items() if name.startswith("major_label")
 }
 #: Markers of the first and the last state of a path, by its index.
 _ENDS: dict[int, dict[str, Any]] = {
@@ -363,41 +373,52 @@ _ENDS: dict[int, dict[str, Any]] = {
 def energy_error(cube: xr.Dataset) -> list[Panel]:
     """Draw the energy errors of every method of ``cube``, like the static figure.
 
-    ``cube`` has dimensions (integrator, tau_per_stage), optionally led by precision. Diverged runs are on the upper
-    edge: the first one of a method as a cross, the others only for the hover. The panels share both axes.
+    ``cube`` has dimensions (integrator, tau_per_stage), optionally led by precision. Diverged runs are squares in a
+    strip at the upper edge. The panels share both axes.
     """
     unit = cube["tau_per_stage"].attrs.get("units", "1")
     floors = {name: floor for name in PANELS if (floor := floor_near([cube], name))}
     errors = [*(cube[name].values for name in PANELS), [*floors.values()]]
     along = span([cube["tau_per_stage"].values], logarithmic=True)
     up = span(errors, logarithmic=True, highest=LARGEST_ERROR)
-    curves = []
-    for line in lines(cube, columns=COLUMNS):
-        source = source_of(**marked(_columns(line.runs), ("x", "max_energy_error"), line.turn))
-        curves.append((line, source, _lost(line.runs, up.end * _EDGE)))
+    shown = lines(cube, columns=COLUMNS)
+    strips = {name: beyond(shown, name) for name in PANELS}
+    edge, row = up.end, (up.end / up.start) ** _ROW
+    up.end *= row ** (max(len(rows) for rows, _ in strips.values()) + 1)
+    sources = [source_of(**marked(_columns(line.runs), "max_energy_error", line)) for line in shown]
     symbols = energy_error_label(cube["max_energy_error"].attrs, "|ΔH|", "|ΔH/H₀|")
     found = []
     for letter, (name, statistic) in zip(ascii_uppercase, PANELS.items(), strict=False):
         label = f"{'max' if statistic == 'maximum' else statistic} {symbols}"
         plot = new_plot((along, up), ("step size per stage, τ/s" + _unit(unit, " ({})"), label))
+        plot.left[0].bounds = [up.start, edge]  # no labels beside the strip
         _add_slopes(plot)
         if name in floors:
             add_level(plot, floors[name], floor_name(floors[name]))
+        says = [line.label + (", extended precision" if line.extended else "") for line in shown]
         hits: list[Model] = []
-        crosses: list[Model] = []
-        for line, source, lost in curves:
-            says = line.label + (", extended precision" if line.extended else "")
-            look = {"line_dash": [5, 3], "line_width": 1.1} if line.extended else {}
+        for line, source, title in zip(shown, sources, says, strict=True):
+            offset, dash = line.dashes()
+            look = {"line_dash": [*dash], "line_dash_offset": offset, "line_width": 1.1} if line.extended else {}
             add_line(plot, source, ("x", name), line.integrator, **look)
-            if not line.extended:
+            if source.data[MARKED].any():
                 add_markers(plot, source, ("x", name), line.integrator)
-            hits += add_hits(plot, source, ("x", name), line.integrator, says)
-            if lost is not None:
-                cross = {"marker": "x", "angle": 0.0}
-                crosses.append(add_markers(plot, lost, ("x", "edge"), line.integrator, says, **cross))
-        for renderers, field in ((hits, f"@{name}{{%.4e}}"), (crosses, "∞")):
-            rows = [("method", "$name"), ("τ/s", f"@x{{%.6g}}{_unit(unit)}"), (label, field)]
-            add_hover(plot, renderers, [*rows, ("evaluations", "@evaluations{0,0}"), ("status", "@status")])
+            hits += add_hits(plot, source, ("x", name), line.integrator, title)
+        rows, text = strips[name]
+        if rows:  # over the lines, which would go on above the panel
+            strip = Model("BoxAnnotation", bottom=edge, fill_color="#f6f6f6", fill_alpha=1.0, line_color="#444444")
+            at = {"x": along.start, "y": float(edge * row ** ((len(rows) + 1) / 2)), "x_offset": 4}
+            plot.center += [strip, Model("Label", text=text.replace("\n", " "), level="overlay", **at, **_NAME)]
+        squares = []
+        for i, (curve, runs) in enumerate(rows):
+            lost = _lost(runs, name, edge * row ** (len(rows) - i))
+            method = shown[curve].integrator
+            look = _SQUARE | {"fill_color": style_of(method).colour}
+            squares.append(add_markers(plot, lost, ("x", "row"), method, says[curve], **look))
+            squares[-1].level = "overlay"
+        cost = ("τ/s", f"@x{{%.6g}}{_unit(unit)}, @evaluations{{0,0}} evaluations")
+        for renderers, field in ((hits, f"@{name}{{%.4e}}"), (squares, "@said, @status")):
+            add_hover(plot, renderers, [("", "$name"), cost, (label, field)])
         found.append(Panel(f"{letter}. {statistic.capitalize()} over all steps", plot))
     return found
 
@@ -434,21 +455,18 @@ def _columns(runs: xr.Dataset) -> dict[str, Any]:
     there = np.flatnonzero(np.any([np.isfinite(values) for values in columns.values()], axis=0))
     kept = slice(there[0], there[-1] + 1) if there.size else slice(0)
     columns |= {"x": runs["tau_per_stage"].values, "evaluations": runs["evaluations"].values}
-    columns |= {"status": runs["status"].values.astype(str)}
     return {name: values[kept] for name, values in columns.items()}
 
 
-def _lost(runs: xr.Dataset, edge: float) -> Model | None:
-    """Return the crosses of diverged runs; None if there are none."""
-    gone = np.flatnonzero(runs["status"].values == "diverged")
-    if not gone.size:
-        return None
+def _lost(runs: xr.Dataset, name: str, height: float) -> Model:
+    """Return a row of the strip of diverged runs, at this height on the axis of the errors."""
+    errors, left = runs[name].values, zip(runs["status"].values.astype(str), runs["diverged_at"].values, strict=True)
     return source_of(
-        x=runs["tau_per_stage"].values[gone],
-        edge=np.full(gone.size, edge),
-        **{MARKED: (np.arange(gone.size) == 0).astype(np.uint8)},
-        evaluations=runs["evaluations"].values[gone],
-        status=[f"diverged at step {step}" for step in runs["diverged_at"].values[gone]],
+        x=runs["tau_per_stage"].values,
+        row=np.full(errors.size, height),
+        said=[f"{error:.4e}" if np.isfinite(error) else "∞" for error in errors],
+        evaluations=runs["evaluations"].values,
+        status=[f"diverged at step {step}" if how == "diverged" else how for how, step in left],
     )
 
 
@@ -498,7 +516,7 @@ def decomposition(terms: xr.Dataset) -> list[Panel]:
                 dots.append(add_markers(upper, remaining, ("order", "shown"), method, name, **unseen))
                 bars.append(add_markers(lower, vanishing, ("order", "row"), method, name, **bar))
     for plot, renderers in ((upper, dots), (lower, bars)):
-        add_hover(plot, renderers, [("method", "$name"), ("order λ", "@order"), ("|κ|", "@shown{%.4e}")])
+        add_hover(plot, renderers, [("", "$name"), ("order λ", "@order"), ("|κ|", "@shown{%.4e}")])
     limit = power_of_ten(round(log10(SATISFIED_BELOW)))
     return [
         Panel("A. Error terms that remain: line BAB, circles ABA", upper),
@@ -524,6 +542,10 @@ def perihelion(cube: xr.Dataset) -> list[Panel]:
     along = span([runs["evaluations_per_orbit"].values], logarithmic=True)
     up = span([told], logarithmic=True)
     plot = new_plot((along, up), ("force evaluations per orbit", "|perihelion advance| (rad per orbit)"))
+    plot.extra_y_ranges = {"century": exactly(up.start * century, up.end * century, logarithmic=True)}
+    plot.extra_y_scales = {"century": Model("LogScale")}
+    plot.right = [_axis(plot.extra_y_ranges["century"], "|perihelion advance| (arcseconds per century)")]
+    plot.right[0].y_range_name, plot.right[0].axis_label_standoff = "century", 10
     relativity = f"general relativity: {MERCURY_RELATIVISTIC_ADVANCE}″ per century"
     add_level(plot, MERCURY_RELATIVISTIC_ADVANCE / century, relativity)
     dots: list[Model] = []
@@ -535,27 +557,24 @@ def perihelion(cube: xr.Dataset) -> list[Panel]:
             "interval": interval,
             "arcseconds": size * century,
             "tau_per_stage": runs["tau_per_stage"].values,
-            "evaluations": runs["evaluations"].values if "evaluations" in runs else np.full(size.size, np.nan),
-            "status": runs["status"].values.astype(str) if "status" in runs else np.full(size.size, "ok"),
         }
-        source = source_of(**marked(columns | {y: np.where(known, size, np.nan)}, (x, y), line.turn))
+        source = source_of(**marked(columns | {y: np.where(known, size, np.nan)}, y, line))
         add_line(plot, source, (x, y), method, line_width=1.0)
         bars = {x: evaluations[known], "low": (size - interval)[known], "high": (size + interval)[known]}
         ends = Model("Segment", **fields(x0=x, x1=x, y0="low", y1="high"), line_color=style_of(method).colour)
         add(plot, source_of(**bars), ends, method)
+        dot: dict[str, Any] = {"marker": "circle", "angle": 0.0, "size": 3.5, "fill_color": style_of(method).colour}
+        add_markers(plot, source, (x, y), method, **dot, line_alpha=0.0, fill_alpha=1.0)
         add_markers(plot, source, (x, y), method)
         zero = source_of(**{name: values[unknown] for name, values in columns.items()})
         cross = {"marker": "x", "angle": 0.0, "size": 5, "line_alpha": 0.5}
         crosses = add_markers(plot, zero, (x, y), method, line.label, **cross)
         dots += [*add_hits(plot, source, (x, y), method, line.label), crosses]
+    unit = _unit(cube["tau_per_stage"].attrs.get("units", "1"))
     rows = [
-        ("method", "$name"),
-        ("evaluations per orbit", f"@{x}{{%.5g}}"),
-        ("|advance|", f"@{y}{{%.4e}} ± @interval{{%.1e}} rad per orbit"),
-        ("", "@arcseconds{%.4g}″ per century"),
-        ("τ/s", f"@tau_per_stage{{%.6g}}{_unit(cube['tau_per_stage'].attrs.get('units', '1'))}"),
-        ("evaluations", "@evaluations{0,0}"),
-        ("status", "@status"),
+        ("", "$name"),
+        ("evaluations per orbit", f"@{x}{{%.5g}}, τ/s = @tau_per_stage{{%.4g}}{unit}"),
+        ("|advance|", f"@{y}{{%.3e}} ± @interval{{%.0e}} rad per orbit, @arcseconds{{%.4g}}″ per century"),
     ]
     add_hover(plot, dots, rows)
     return [Panel("", plot)]
@@ -573,41 +592,39 @@ def phase_space(paths: dict[str, xr.Dataset]) -> list[Panel]:
         if system not in shared:
             ranges = tuple(exactly(*path[name].values[[0, -1]]) for name in ("q_grid", "p_grid"))
             shared[system] = (ranges, *_hamiltonian(path))
-        ranges, bands, edges = shared[system]
-        plot = new_plot(ranges, ("q", "p"), height=400)
-        mapper = Model("LinearColorMapper", palette=list(_SHADES), low=-0.5, high=len(_SHADES) - 0.5)
+        ranges, bands, edges, heights, shades = shared[system]
+        moving = "_" + "xyz"[path.attrs["component"]] if path.attrs["component"] else ""
+        plot = new_plot(ranges, (f"q{moving}", f"p{moving}"), height=400)
+        mapper = Model("LinearColorMapper", palette=shades, low=-0.5, high=len(shades) - 0.5)
         add(plot, bands, Model("Image", **fields(image="bands", x="x", y="y", dw="dw", dh="dh"), color_mapper=mapper))
         add_lines(plot, edges, line_color="#8795a5", line_width=0.6)
+        scale = Model("LinearColorMapper", palette=shades, low=float(heights[0]), high=float(heights[-1]))
+        ticks = Model("FixedTicker", ticks=heights[::2].tolist())
+        plot.below.append(Model("ColorBar", color_mapper=scale, ticker=ticks, title="H", height=10, **_SCALE))
         _add_path(plot, path)
         title = f"{letter}. {path.attrs['label']}, {path.attrs['system_label']}"
-        drawn.append(Panel(title, plot, _energy_statement(path)))
+        drawn.append(Panel(title, plot, " ".join(statement(path))))
     return drawn
 
 
-def _hamiltonian(path: xr.Dataset) -> tuple[Any, Any]:
-    """Return sources of the picture of the Hamiltonian: the band of each point, and the edges of the bands."""
+def _hamiltonian(path: xr.Dataset) -> tuple[Any, Any, Any, list[str]]:
+    """Return sources of the picture of the Hamiltonian (the band of each point, and its edges), levels, and shades."""
     q, p, H = (path[name].values for name in ("q_grid", "p_grid", "hamiltonian"))
-    levels = np.linspace(H.min(), H.max(), len(_SHADES) + 1)[1:-1]
-    bands = np.searchsorted(levels, H).astype(np.uint8)
+    heights = levels(path)
+    bands = np.searchsorted(heights[1:-1], H).astype(np.uint8)
     place = {"x": [q[0]], "y": [p[0]], "dw": [q[-1] - q[0]], "dh": [p[-1] - p[0]]}
-    return Model("ColumnDataSource", data={"bands": [bands], **place}), _lines(path, levels)
-
-
-def _lines(path: xr.Dataset, levels: Any) -> Any:
-    """Return the source of the contours of the Hamiltonian at ``levels``."""
-    generator = contour_generator(*(path[name].values for name in ("q_grid", "p_grid", "hamiltonian")))
-    contours: list[Any] = [line for level in levels for line in generator.lines(level)]
-    return lines_of([np.round(line, 4).T for line in contours])
+    edges = lines_of([np.round(line, 4).T for level in heights[1:-1] for line in contours(path, level)])
+    shades = [_SHADES[round(i)] for i in np.linspace(0, len(_SHADES) - 1, len(heights) - 1)]
+    return Model("ColumnDataSource", data={"bands": [bands], **place}), edges, heights, shades
 
 
 def _add_path(plot: Model, path: xr.Dataset) -> None:
     """Draw the path, its dots and ends, and the energy surface through its start, tagged with the method."""
     method, label = path.attrs["integrator"], path.attrs["label"]
-    surface = _lines(path, path["H"].values[:1, 0])
+    surface = lines_of([np.round(line, 4).T for line in contours(path, float(path["H"][0, 0]))])
     add_lines(plot, surface, method, line_color="#1f2d3d", line_width=1.3, line_dash=[5, 3])
     q, p, error = (path[name].values for name in ("q", "p", "energy_error"))
-    legs = [_legs(*one, drift_first=path.attrs["first"] == "drift") for one in zip(q, p, strict=True)]
-    add_lines(plot, lines_of(legs), method, line_color="#4d5661", line_width=1.0)
+    add_lines(plot, lines_of([leg.T for leg in legs(path)]), method, line_color="#4d5661", line_width=1.0)
     for at, look in _ENDS.items():
         add_markers(plot, source_of(q=q[:, at], p=p[:, at]), ("q", "p"), method, angle=0.0, **look)
     signs = np.column_stack([path["next_drift_sign"].values, path["next_kick_sign"].values]) < 0
@@ -623,21 +640,8 @@ def _add_path(plot: Model, path: xr.Dataset) -> None:
         hit.append(renderer)
     rows = [("method", "$name"), ("q, p", "@q{%.4f}, @p{%.4f}"), ("|ΔH/H₀|", "@error{%.2e}")]
     add_hover(plot, hit, rows)
-
-
-def _legs(q: Any, p: Any, *, drift_first: bool) -> list[Any]:
-    """Return the path with its corners: drifts move along q, kicks along p."""
-    corners = (q[1:], p[:-1]) if drift_first else (q[:-1], p[1:])
-    return [
-        np.concatenate([points[:1], np.column_stack([corner, points[1:]]).ravel()])
-        for points, corner in zip((q, p), corners, strict=True)
-    ]
-
-
-def _energy_statement(path: xr.Dataset) -> str:
-    error, largest = abs(float(path["energy_error"].values[-1, -1])), float(path["max_energy_error"])
-    left_at, followed = int(path["left_at"]), int(path.attrs["followed"])
-    after = f"|ΔH/H₀| = {short(error, 2) if isfinite(error) else '∞'} after {path.sizes['iteration']} iterations"
-    if left_at:
-        return f"{after}, leaves its energy surface at iteration {left_at}"
-    return f"{after}, up to {short(largest, 2)} in {followed}"
+    middle = {"text_align": "center", "text_baseline": "middle", "text_font": FONT, "text_color": "#404040"}
+    for text, (x, y) in label_places(path).items():
+        behind = {} if text.isdigit() else {"background_fill_color": "#ffffff"}
+        glyph = Model("Text", **fields(x="q", y="p", text="text"), text_font_size="11px", **middle, **behind)
+        add(plot, source_of(q=[x], p=[y], text=[text]), glyph, method if text.isdigit() else "")

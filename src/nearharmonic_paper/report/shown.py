@@ -20,7 +20,7 @@ from nearharmonic.integrators import integrators
 from nearharmonic.output.store import attributes_of, read
 from nearharmonic.output.table import Table
 from nearharmonic.plotting.profile import energy_error_label, energy_of, style_of
-from nearharmonic_paper.claims.claim import OPEN, in_words
+from nearharmonic_paper.claims.claim import OPEN, in_words, of_the_paper
 from nearharmonic_paper.claims.claim import VERDICTS as IN_A_SENTENCE
 from nearharmonic_paper.experiments.paper.orbits import paper_panels
 from nearharmonic_paper.experiments.paper.run import PAPER as SYSTEMS_OF_THE_PAPER
@@ -41,7 +41,6 @@ PAPER = "paper"
 #: Interactive figures of other quantities than energy errors, by their file names: drawing function and hint.
 OTHERS = {
     "gain": ("gain", ""),
-    "gain_mean": ("gain", ""),
     "fig2_decomposition": ("decomposition", ""),
     "fig4_perihelion": ("perihelion", "The interactive figure has arcseconds per century at each point."),
     "fig6_substeps": ("phase_space", ""),
@@ -60,11 +59,8 @@ def anchor_of(figure: Figure) -> str:
 
 
 def in_order(figures: Iterable[Figure]) -> list[Figure]:
-    """Return each figure once: energy errors of the config's own systems, numbered figures, and others."""
-    drawn = list(figures)
-    numbered = {one.cube for one in drawn if one.profile and number_of(one)}  # one drawing with two names
-    distinct = {one.stem: one for one in drawn if number_of(one) or not (one.profile and one.cube in numbered)}.values()
-    return sorted(distinct, key=lambda one: (number_of(one) or (0 if one.profile else inf), one.stem))
+    """Return figures: energy errors of the config's own systems, numbered figures, and others."""
+    return sorted(figures, key=lambda one: (number_of(one) or (0 if one.profile else inf), one.stem))
 
 
 def pages_alone(figures: Iterable[Figure]) -> dict[str, str]:
@@ -84,11 +80,12 @@ _SHORTER: tuple[tuple[re.Pattern[str], str | Callable[[re.Match[str]], str]], ..
     (re.compile(r"<\?xml.*?\?>|<!DOCTYPE.*?>|<metadata>.*?</metadata>|<!--.*?-->", re.DOTALL), ""),
     (re.compile(r'<g id="[^"]*"'), "<g"),
     (re.compile(r'xlink:href="#'), 'href="#'),
+    (re.compile("DejaVuFigures-"), "f"),  # names of outlines of letters
     # The outline referenced by a <use> has its own stroke style.
     (re.compile(r'(<use [^>]*?) style="fill: (#\w+); stroke: [^"]*"/>'), r'\1 fill="\2"/>'),
     (re.compile(r'(<use [^>]*?) style="stroke: [^"]*"/>'), r"\1/>"),
     # A function takes half the time of a template: there are 80 000 numbers.
-    (re.compile(r'(scale\([^)]*\))|(?<=[ \n"])(-?\d+\.\d\d)\d+'), lambda found: found[1] or found[2]),
+    (re.compile(r'(scale\([^)]*\))|(?<=[ \n"(])(-?\d+\.\d\d)\d+'), lambda found: found[1] or found[2]),
     (re.compile(r"\s*\n\s*"), " "),
     (re.compile(r"> <"), "><"),
 )
@@ -97,6 +94,8 @@ _STRAIGHT = re.compile(r"M [^A-Za-z\"]+(?:L [^A-Za-z\"]+)+")
 #: Successive lines of one style, such as error bars, become one path.
 _ALIKE = re.compile(r'<path d="[^"]*"( clip-path="[^"]*" style="fill: none; [^"]*")/>(?:<path d="[^"]*"\1/>)+')
 _OUTLINE = re.compile(r'd="([^"]*)"')
+#: Width and height of a picture; a browser reserves its space by them.
+_SIZE = re.compile(r'<svg [^>]*?width="([\d.]+)pt" height="([\d.]+)pt"')
 #: Width of a small picture in pixels, for screens of two pixels per unit, and its quality of 100. Before it is resized,
 #: it is reduced to twice this width or more, and compressed with half the effort: both halve the time.
 _WIDTH, _QUALITY, _REDUCED, _EFFORT = 320, 70, 2.0, 2
@@ -190,6 +189,29 @@ def verdict(name: str, number: int) -> str:
 def counted(number: int, one: str, more: str = "") -> str:
     """Return ``number`` with its noun: 1 claim, 2 claims."""
     return f"{number} {one if number == 1 else more or one + 's'}"
+
+
+def minutes(times: Iterable[str]) -> str:
+    """Return the sum of durations such as "50 s" and "3 min", in whole minutes."""
+    seconds = sum(float(number) * {"s": 1, "min": 60, "h": 3600}[unit] for number, unit in map(str.split, times))
+    return counted(max(1, round(seconds / 60)), "minute")
+
+
+#: End of the headline for verdicts on the gain over Ruth's method on planets.
+_ON_PLANETS = {
+    "holds in part": "; on planets the gain is orders of magnitude at some step sizes only",
+    "fails": "; on planets the gain is a factor, not orders of magnitude",
+}
+
+
+def headline(claims: Sequence[Mapping[str, Any]]) -> str:
+    """Return what came out: how much of the paper, or of its decided part, holds, and the gain on planets."""
+    every = {claim["id"]: claim["verdict"] for claim in of_the_paper(claims)}
+    decided = [verdict for verdict in every.values() if verdict != OPEN]
+    good, many = sum(verdict in ("holds", "holds but for edges") for verdict in decided), len(decided)
+    share = "Nothing" if not good else "All" if good == many else "Most" if 2 * good > many else "At most half"
+    subject = "of the paper holds" if 2 * many > len(every) else "of what these runs decide holds"
+    return f"{share} {subject}{_ON_PLANETS.get(every.get('outperform-ruth-kepler', OPEN), '')}"
 
 
 # --- Tables of the page, from CSV files of the results, or from Markdown files with headings.
@@ -301,10 +323,11 @@ class ShownResults:
         return sorted({name.partition(".")[0] for name in self._leftovers})
 
     def pictures(self, stem: str) -> dict[str, Any]:
-        """Return the name of a figure's files, its picture, and its small picture, "" without a PNG file."""
+        """Return the name of a figure's files, its picture, its small picture, "" without a PNG file, and its size."""
         png = self.folder / f"figures/{stem}.png"
-        drawn = picture(self._texts.read(f"figures/{stem}.svg"))
-        return {"stem": stem, "picture": drawn, "thumbnail": thumbnail(png) if png.is_file() else ""}
+        svg = self._texts.read(f"figures/{stem}.svg")
+        small, size = thumbnail(png) if png.is_file() else "", _SIZE.search(svg)
+        return {"stem": stem, "picture": picture(svg), "thumbnail": small, "size": size.groups() if size else ()}
 
     @property
     def files(self) -> dict[str, list[str]]:
@@ -348,12 +371,12 @@ class ShownResults:
 
 # --- Figures of the page, interactive and static, with their texts and the legend of the methods.
 
-_HINT = "A cross on the upper edge is the smallest step size at which a method leaves its energy surface."
+_HINT = "Squares at the upper edge are runs that diverged."
 
 
 @dataclass(kw_only=True)
 class ShownFigure:
-    """A figure of the page, with its files and the pictures of them as data URIs, "" if they are omitted.
+    """A figure of the page, with its files, the pictures of them as data URIs, "" if they are omitted, and their size.
 
     ``anchor`` is the id of its element, and the name of the page of this figure alone. ``hint`` is a sentence on what
     the interactive panels have besides, and ``document`` the compressed document of their plots. ``statements`` are
@@ -368,6 +391,7 @@ class ShownFigure:
     cube: str | None = None
     picture: str = ""
     thumbnail: str = ""
+    size: Sequence[str] = ()
     statements: list[dict[str, Any]] = field(default_factory=list)
     hint: str = ""
     panels: list[Panel] = field(default_factory=list)
@@ -447,10 +471,10 @@ def _methods(cube: Any) -> dict[str, str]:
 
 
 def coefficients(methods: Iterable[str]) -> list[dict[str, Any]]:
-    """Return the coefficients, as doubles, of those registered methods that are sequences of kicks and drifts."""
+    """Return coefficients, as doubles, and colours of registered methods that are sequences of kicks and drifts."""
     found = (integrators[name] for name in methods if name in integrators)
     return [
-        {"name": one.name, "label": one.label, "first": one.first}
+        {"name": one.name, "label": one.label, "first": one.first, "colour": style_of(one.name).colour}
         | {"kick": list(map(float, one.kick)), "drift": list(map(float, one.drift))}
         for one in found
         if not (one.square or one.implicit or one.modified)

@@ -41,13 +41,16 @@ class Figure:
         Cubes of a figure of several, of which it shows those that a config has, and a method that it cannot do without.
     settings : mapping
         Keyword arguments of the function.
+    column : mapping
+        Further ones for the figure of the width of a column of text.
     target : str
         Target of the workflow; by default the name of the files.
     category : str
         Section of the figure in a report.
     profile : bool
-        True for the energy-error figure of a system. Every system has files with this form of name; if a system
-        declares its own figure, it is drawn once and stored under both names.
+        True for the energy-error figure of a system. A system with its own figure has no other.
+    by_default : bool
+        False for a figure that only its target and ``everything`` draw.
     stem, experiment : str
         Name of the files, without ending, and name of the experiment: :func:`figures_of` fills them in.
     """
@@ -59,9 +62,11 @@ class Figure:
     cubes: tuple[str, ...] = ()
     method: str = ""
     settings: Mapping[str, Any] = field(default_factory=dict)
+    column: Mapping[str, Any] = field(default_factory=dict)
     target: str = ""
     category: str = "Figures"
     profile: bool = False
+    by_default: bool = True
     stem: str = ""
     experiment: str = ""
 
@@ -74,13 +79,14 @@ def figures_of(systems: Collection[str], cubes: Collection[str] = ()) -> list[Fi
         for stem, figure in experiment.figures.items()
         if isinstance(figure, Figure)
     ]
-    profiles = {figure.cube: figure for figure in declared if figure.profile and figure.cube != EVERY_SYSTEM}
+    own = {figure.cube for figure in declared if figure.profile}
     found = []
     for figure in declared:
         if figure.cube == EVERY_SYSTEM:
             for system in systems:
-                stem, own = figure.stem.format(system=system), profiles if figure.profile else {}
-                found.append(replace(own.get(system, figure), stem=stem, target=stem, cube=system))
+                stem = figure.stem.format(system=system)
+                if not (figure.profile and system in own):
+                    found.append(replace(figure, stem=stem, target=stem, cube=system))
         elif figure.cubes:
             here = tuple(cube for cube in figure.cubes if cube in systems or cube in cubes)
             found += [replace(figure, cubes=here)] if here else []

@@ -67,7 +67,7 @@ def run(snakemake: Any) -> None:
             results = function(**task["settings"], **inputs)
             for name, made in snakemake.output.items():
                 places = [made] if isinstance(made, str) else list(made)
-                write(results[name], places, origin, transparent=_is_transparent(snakemake))
+                write(results[name], places, origin, transparent=getattr(snakemake.params, "transparent", False))
                 receipt.add(places, task, **_remarks(function, results[name]))
         receipt.write()
 
@@ -76,26 +76,21 @@ def draw(snakemake: Any) -> None:
     """Draw the figures of some cubes, each with the package function in ``params.tasks`` under its stem.
 
     A function gets the cubes of the input ``cubes``, which are read once, if there are any; it returns a matplotlib
-    ``Figure``. A figure with two names is drawn once. Errors are those of :func:`run`.
+    ``Figure``, which is made narrow if ``params.width`` is "column". Errors are those of :func:`run`.
     """
     from nearharmonic.output.store import read
 
     with _logged_job(snakemake.log[0]):
         shown = [read(path) for path in getattr(snakemake.input, "cubes", [])]
         receipt = Receipt(snakemake.log[0], map(str, snakemake.input))
-        drawn: dict[str, list[str]] = {}
         for stem, task in snakemake.params.tasks.items():
             places = list(getattr(snakemake.output, stem))
-            what = f"{task['function']} {task['settings']}"
-            if what in drawn:
-                for made, place in zip(drawn[what], places, strict=True):
-                    write_bytes(place, Path(made).read_bytes())
-            else:
-                with covered(task):
-                    figure = function_of(task)(*shown, **task["settings"])
-                    figure.set_label(snakemake.params.captions[stem])
-                    write(figure, places, provenance(task), transparent=_is_transparent(snakemake))
-            drawn[what] = places
+            with covered(task):
+                figure = function_of(task)(*shown, **task["settings"])
+                figure.set_label(snakemake.params.captions[stem])
+                if getattr(snakemake.params, "width", "page") == "column":
+                    import_module("nearharmonic.plotting.column").narrow(figure)
+                write(figure, places, provenance(task), transparent=getattr(snakemake.params, "transparent", False))
             receipt.add(places, task)
         receipt.write()
 
@@ -151,10 +146,6 @@ def _is_stale(task: Mapping[str, Any]) -> bool:
     """Return True if code or coefficients here differ from a task's."""
     here = digests(task["function"], task["systems"], task["integrators"])
     return any(here[what] != task[what] for what in here)
-
-
-def _is_transparent(snakemake: Any) -> bool:
-    return bool(getattr(snakemake.params, "transparent", False))
 
 
 def write(result: Any, places: Sequence[str], origin: Mapping[str, str], *, transparent: bool = False) -> None:
@@ -237,8 +228,7 @@ def logged(path: str | os.PathLike[str]) -> Iterator[None]:
             raise SystemExit(str(error)) from None
         except Exception as error:
             traceback.print_exc(file=log)
-            message = f"{type(error).__name__}: {error} (traceback in {path})"
-            raise SystemExit(message) from None
+            raise SystemExit(f"{type(error).__name__}: {error} (traceback in {path})") from None
 
 
 def _end_with(leader: int) -> None:
@@ -268,7 +258,7 @@ PYTHON = "NEARHARMONIC_NODE_PYTHON"
 #: The process that ends the jobs of this computer with itself has no meaning on another.
 ENVIRONMENT = f"env -u {LEADER}"
 #: Parameters of rules that jobs read.
-PARAMS = ("task", "tasks", "captions", "transparent", "earlier", "documents")
+PARAMS = ("task", "tasks", "captions", "width", "transparent", "earlier", "documents")
 #: Seconds for which a job waits for inputs that another node wrote.
 PATIENCE = 60.0
 
@@ -312,6 +302,11 @@ class FrozenJob:
         """Dotted names of the modules of its functions."""
         functions = [*(task["function"] for task in self.tasks), getattr(self.params, "earlier", "")]
         return {function.partition(":")[0] for function in functions if function}
+
+    def prepare(self) -> None:
+        """Load what jobs of the same function share, in the process that they are forks of."""
+        for task in (one for one in self.tasks if not one["definitions"]):
+            getattr(function_of(task), "prepare", lambda **_: None)(**task["settings"])
 
     def execute(self) -> None:
         """Run the job, without results of an earlier run of it."""

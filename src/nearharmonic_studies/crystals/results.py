@@ -21,6 +21,7 @@ from nearharmonic.math import log
 from nearharmonic.numerics.portable import Floats
 from nearharmonic.output.store import coordinate, described, read
 from nearharmonic.output.table import Table
+from nearharmonic.plotting.profile import text_on
 from nearharmonic.plotting.style import house_style, log_scale, method_handles, new_figure, panel_letter, style_of
 from nearharmonic_paper.pages.filling import fills, label, short, shown, signed, table
 from nearharmonic_paper.tasks.reduction import Reductions
@@ -251,7 +252,7 @@ def _map(axes: Axes, one: xr.Dataset) -> None:
         if leader and np.isfinite(lead):
             depth = PALEST + (1 - PALEST) * min(lead / FULL, 1)
             colours[i, j] = 1 - depth * (1 - np.array(to_rgb(LOOKS_OF_KINDS[str(kinds[leader])][1])))
-            axes.text(j, i, f"{lead:.1f}", ha="center", va="center", fontsize=7.5, color="w" if depth > 0.6 else "k")
+            axes.text(j, i, f"{lead:.1f}", ha="center", va="center", fontsize=7.5, color=text_on(colours[i, j]))
     axes.imshow(colours, aspect="auto", origin="lower", interpolation="nearest")
     axes.set_xticks(range(shape[1]), [f"{value:g}" for value in one["forces"].values])
     axes.set_yticks(range(shape[0]), [f"{value:g}" for value in one["temperature"].values])
@@ -266,8 +267,7 @@ def crystals_phonons(cube: xr.Dataset) -> Figure:
     drawn = new_figure(7.4, 6.2)
     above, below = drawn.subplots(2, 1, height_ratios=(1.2, 1))
     drawn.subplots_adjust(left=0.17, right=0.98, top=0.95, bottom=0.09, hspace=0.42)
-    bins = cube.sizes["bin"]
-    edges = np.arange(bins + 1) / bins
+    edges = np.linspace(0, 1, cube.sizes["bin"] + 1)
     for crystal, colour in zip(cube["crystal"].values, CRYSTALS, strict=False):
         above.stairs(cube["density"].sel(crystal=crystal), edges, color=colour, label=str(crystal), linewidth=1.2)
     above.set(xlim=(0, 1), xlabel=r"$\omega\,/\,\omega_\mathrm{max}$", ylabel="density of phonons")

@@ -22,6 +22,7 @@ from nearharmonic.integrators import integrators as registered
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.portable import Floats
 from nearharmonic.output.table import pipes
+from nearharmonic.plotting.profile import text_on
 from nearharmonic.plotting.style import house_style, lettered, log_scale, new_figure, panel_letter, style_of
 from nearharmonic.theory.order import harmonic_order, nystrom_order_of, order_of
 from nearharmonic.theory.oscillator import shifted_kicks, stability_limit
@@ -282,8 +283,7 @@ def _map(axes: Axes, cube: xr.Dataset, suffix: str) -> None:
         if np.isfinite(lead[t, j]):
             depth = PALEST + (1 - PALEST) * float(np.clip(lead[t, j] / FULL, 0, 1))
             colours[t, j] = 1 - depth * (1 - np.array(to_rgb(LOOKS[str(name)][1])))
-            dark = colours[t, j] @ (0.3, 0.59, 0.11) < 0.5
-            axes.text(j, t, f"{lead[t, j]:.1f}", ha="center", va="center", fontsize=7, color="w" if dark else "k")
+            axes.text(j, t, f"{lead[t, j]:.1f}", ha="center", va="center", fontsize=7, color=text_on(colours[t, j]))
     axes.imshow(colours, aspect="auto", origin="lower")
     delta = cube["anharmonicity"].values[:, 1]
     axes.set_xticks(range(len(delta)), [f"{x:.2g}" for x in delta], fontsize=8)

@@ -21,16 +21,7 @@ from nearharmonic.output.store import Contents, Variables, coordinate, method_co
 from nearharmonic.output.table import Table
 from nearharmonic.training.objective import LANES, LEAST, Ensemble, errors_of
 from nearharmonic_paper.tasks.provenance import measures_time
-from nearharmonic_studies.trained.problems import (
-    NAMED,
-    anharmonicities,
-    named_ensemble,
-    named_ensembles,
-    orbit_ensemble,
-    random_ensemble,
-    with_anharmonicity,
-    with_exact_oscillators,
-)
+from nearharmonic_studies.trained import problems
 from nearharmonic_studies.trained.settings import (
     CHARGE,
     CHARGE_OF_ORBITS,
@@ -114,13 +105,13 @@ def proof_ensembles(settings: ProofSettings) -> Iterator[Trial]:
     t_end = float(settings.t_end)
     for dimension in DIMENSIONS:
         for band in BANDS:
-            found = random_ensemble(dimension, settings.systems, settings.seed, band=band, t_end=t_end)
-            yield Trial(with_anharmonicity(found), taus, f"random potentials, d = {dimension}")
-    for named in named_ensembles(settings.systems, settings.seed, t_end):
+            found = problems.random_ensemble(dimension, settings.systems, settings.seed, band=band, t_end=t_end)
+            yield Trial(problems.with_anharmonicity(found), taus, f"random potentials, d = {dimension}")
+    for named in problems.named_ensembles(settings.systems, settings.seed, t_end):
         yield Trial(named, taus, "chains" if named.system.dimension > CHAIN else "one or two coordinates")
-    orbits = orbit_ensemble(settings.systems, settings.seed, eccentricities=ECCENTRICITIES, orbits=ORBITS)
+    orbits = problems.orbit_ensemble(settings.systems, settings.seed, eccentricities=ECCENTRICITIES, orbits=ORBITS)
     evaluations = np.array(settings.evaluations_per_orbit, dtype=float)
-    yield Trial(with_anharmonicity(orbits), 2 * np.pi / evaluations, "Kepler orbits", CHARGE_OF_ORBITS)
+    yield Trial(problems.with_anharmonicity(orbits), 2 * np.pi / evaluations, "Kepler orbits", CHARGE_OF_ORBITS)
 
 
 # --- Long runs of the trained methods, backward runs, and runs with steps so short that rounding errors dominate.
@@ -167,8 +158,8 @@ def run(
 
 def long_runs_measure(methods: Sequence[str], beside: str, settings: ProofSettings) -> dict[str, Contents]:
     """Return the file ``run``: :func:`long_runs` of the reference method ``beside``, which comes first, and others."""
-    chosen = [one for one in NAMED if one.name in SYSTEMS]
-    ensembles = {one.name: named_ensemble(one, STARTS, settings.seed, float(settings.t_end)) for one in chosen}
+    chosen = [one for one in problems.NAMED if one.name in SYSTEMS]
+    ensembles = {one.name: problems.named_ensemble(one, STARTS, settings.seed, float(settings.t_end)) for one in chosen}
     variables = long_runs(ensembles, [integrators[name] for name in (beside, *methods)], settings.steps)
     return {"run": Contents(variables=variables, coordinates=("label", "step"))}
 
@@ -246,7 +237,7 @@ def scaled_potentials(count: int, strengths: Floats, seed: int, t_end: float) ->
 
     Strengths multiply cubic and quartic coefficients; ``t_end`` is in radians of the frequency 1.
     """
-    whole = random_ensemble(DIMENSION, count, seed, band=(1.0, 1.0), t_end=t_end)
+    whole = problems.random_ensemble(DIMENSION, count, seed, band=(1.0, 1.0), t_end=t_end)
     parameters = np.repeat(whole.parameters, len(strengths), axis=0).reshape(count, len(strengths), -1)
     parameters[:, :, 2 * DIMENSION :] *= strengths[:, None]
     start = np.repeat(whole.start, len(strengths), axis=0)
@@ -266,7 +257,7 @@ def ideas_measure(methods: Sequence[str], exact: Sequence[str], settings: ProofS
     split, rotated = (
         np.moveaxis(log_errors(ensemble, names, steps, 0.0).reshape(len(names), len(taus), count, -1), 2, -1)
         for ensemble, names, steps in (
-            (whole, kept, taus), (with_exact_oscillators(whole), exact, taus * CHARGE_OF_ROTATIONS),
+            (whole, kept, taus), (problems.with_exact_oscillators(whole), exact, taus * CHARGE_OF_ROTATIONS),
         )
     )  # fmt: skip
     over = ("tau_per_stage", "strength", "problem")
@@ -281,7 +272,7 @@ def ideas_measure(methods: Sequence[str], exact: Sequence[str], settings: ProofS
             ("exact_integrator", *over), rotated, f"{WHAT}, with the oscillator solved exactly"
         ),
         "anharmonicity": variable(
-            over[1:], anharmonicities(whole).reshape(count, -1).T,
+            over[1:], problems.anharmonicities(whole).reshape(count, -1).T,
             f"variation of the Hessian of V along the orbits of {DIMENSION} coordinates",
         ),
     }  # fmt: skip

@@ -10,15 +10,7 @@ from typing import Annotated, ClassVar
 from nearharmonic.engine.settings import MOST_STEPS, one_of
 from nearharmonic.integrators import modified_integrators, plain_integrators
 from nearharmonic.integrators.tableau import First, Tableau
-from nearharmonic.training.family import (
-    OURS,
-    TRAINED,
-    TRAINED_EXACT,
-    Family,
-    modified_names,
-    module_of,
-    published_names,
-)
+from nearharmonic.training import family
 from nearharmonic.training.objective import Ensemble
 from nearharmonic.training.search import DescentName, Effort
 from nearharmonic_paper.entries import (
@@ -32,14 +24,7 @@ from nearharmonic_paper.entries import (
     whole_between,
     whole_from,
 )
-from nearharmonic_studies.trained.problems import (
-    SITES,
-    cubic_ensemble,
-    orbit_ensemble,
-    random_ensemble,
-    ring_ensemble,
-    with_exact_oscillators,
-)
+from nearharmonic_studies.trained import problems as made
 
 # --- Kinds of purposes of trained methods: a window of step sizes, the problems, and the families that are searched.
 
@@ -75,9 +60,9 @@ class Chain:
     potential_degree: int | None = None
     generalised_order: tuple[int, ...] = ()
 
-    def families(self) -> Iterator[Family]:
+    def families(self) -> Iterator[family.Family]:
         """Yield the families."""
-        return (Family(**{**vars(self), "stages": stages}) for stages in self.stages)
+        return (family.Family(**{**vars(self), "stages": stages}) for stages in self.stages)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,7 +79,7 @@ class Purpose:
     #: False if no method was good enough, or if its method is registered in a module of its own.
     registered: ClassVar[bool] = True
     #: Draws of problems in two and three coordinates, and these problems in words, with the bounds of the band.
-    draw: ClassVar[Callable[..., Ensemble]] = staticmethod(random_ensemble)
+    draw: ClassVar[Callable[..., Ensemble]] = staticmethod(made.random_ensemble)
     described: ClassVar[str] = "random potentials, d = 2 and 3, strengths {:g} to {:g}"
 
     name: str
@@ -120,7 +105,7 @@ class Purpose:
     def known(self) -> tuple[str, ...]:
         """Names of the starting methods of a search; published methods among them are the reference."""
         modified = any(chain.squares for chain in self.chains)
-        return published_names() + (modified_names() if modified else ())
+        return family.published_names() + (family.modified_names() if modified else ())
 
     @property
     def charge(self) -> float:
@@ -142,7 +127,7 @@ class Purpose:
         """Return the problems, over intervals that are ``longer`` by a factor."""
         t_end = self.t_end * longer
         if self.band is None:
-            return [orbit_ensemble(systems, seed, eccentricities=ECCENTRICITIES, orbits=t_end / (2 * pi))]
+            return [made.orbit_ensemble(systems, seed, eccentricities=ECCENTRICITIES, orbits=t_end / (2 * pi))]
         return self.drawn(systems, seed, self.band, t_end)
 
     def drawn(self, systems: int, seed: int, band: tuple[float, float], t_end: float) -> list[Ensemble]:
@@ -157,18 +142,18 @@ class CrystalPurpose(Purpose):
     """
 
     registered = False
-    described = f"rings of {SITES} masses, bonds change by {{:g}} to {{:g}}"
+    described = f"rings of {made.SITES} masses, bonds change by {{:g}} to {{:g}}"
 
     def drawn(self, systems: int, seed: int, band: tuple[float, float], t_end: float) -> list[Ensemble]:
         """Return the rings of a band."""
-        return [ring_ensemble(systems, seed, band=band, t_end=t_end)]
+        return [made.ring_ensemble(systems, seed, band=band, t_end=t_end)]
 
 
 class CubicPurpose(Purpose):
     """Purpose of a method for cubic potentials; ``band`` bounds the energy over the lowest barrier."""
 
     registered = False
-    draw = staticmethod(cubic_ensemble)
+    draw = staticmethod(made.cubic_ensemble)
     described = "cubic potentials, d = 2 and 3, {:g} to {:g} of the barrier"
 
 
@@ -203,7 +188,7 @@ class OscillatorPurpose(Purpose):
 
     def drawn(self, systems: int, seed: int, band: tuple[float, float], t_end: float) -> list[Ensemble]:
         """Return the potentials of a band, with their oscillators solved exactly."""
-        return [with_exact_oscillators(random_ensemble(2, systems, seed, band=band, t_end=t_end))]
+        return [made.with_exact_oscillators(made.random_ensemble(2, systems, seed, band=band, t_end=t_end))]
 
 
 def evaluations_an_orbit(*counts: int) -> tuple[float, ...]:
@@ -327,7 +312,9 @@ def contestants() -> tuple[str, ...]:
     Processed methods are not among them, and those trained with the oscillator solved exactly.
     """
     modified = [name for name in modified_integrators.registered if not modified_integrators[name].processed]
-    return tuple(name for name in (*plain_integrators.registered, *modified) if not name.startswith(TRAINED_EXACT))
+    return tuple(
+        name for name in (*plain_integrators.registered, *modified) if not name.startswith(family.TRAINED_EXACT)
+    )
 
 
 def exact_contestants(others: Sequence[str]) -> tuple[str, ...]:
@@ -337,9 +324,9 @@ def exact_contestants(others: Sequence[str]) -> tuple[str, ...]:
 
 def kind_of(name: str) -> str:
     """Return the kind of a registered method: trained, published, or own."""
-    if name.startswith(TRAINED):
+    if name.startswith(family.TRAINED):
         return "trained"
-    return "own" if module_of(name) in OURS else "published"
+    return "own" if family.module_of(name) in family.OURS else "published"
 
 
 def idea_of(method: Tableau) -> str | None:
@@ -347,7 +334,7 @@ def idea_of(method: Tableau) -> str | None:
 
     Methods with a harmonic order belong to this idea for any general order and any author.
     """
-    if method.name.startswith(TRAINED):
+    if method.name.startswith(family.TRAINED):
         return "trained"
     if method.modified:
         return None

@@ -119,11 +119,7 @@ def test_particles_that_splitting_cannot_move_are_refused():
 
 @pytest.mark.parametrize("method", ["leapfrog", "aba864"])
 @pytest.mark.parametrize(
-    "drag",
-    [
-        lambda t, one, other: -0.1 * one.vx * (t > 5),
-        lambda t, one, other: -0.1 * one.vx * (t > 21.7),
-    ],
+    "drag", [lambda t, one, other: -0.1 * one.vx * (t > 5), lambda t, one, other: -0.1 * one.vx * (t > 21.7)]
 )
 def test_friction_without_the_flag_of_rebound_is_refused(drag, method):
     simulation = rebound.Simulation()

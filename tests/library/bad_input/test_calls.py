@@ -162,20 +162,19 @@ def test_a_bad_argument_is_refused_before_any_work(trials, here):
                 refused(partial(call, value))
 
 
-def test_a_bad_member_of_a_system_is_refused(trials, here):
-    bad = trials(KIND)
-    for key, values in SYSTEMS.items():
-        for value in values:
-            with bad.case(f"{key} = {shortened(value)}"):
-                refused(lambda given={**OWN, key: value}: nh.integrate(nh.System(**given), "ruth", 0.5))
+DECLARATIONS = {
+    "system": (SYSTEMS, lambda given: nh.integrate(nh.System(**OWN | given), "ruth", 0.5)),
+    "tableau": (TABLEAUS, lambda given: nh.Tableau(**LEAPFROG | given)),
+}
 
 
-def test_a_bad_member_of_a_tableau_is_refused(trials, here):
+@pytest.mark.parametrize(("members", "declare"), DECLARATIONS.values(), ids=DECLARATIONS)
+def test_a_bad_member_of_a_declaration_is_refused(trials, here, members, declare):
     bad = trials(KIND)
-    for key, values in TABLEAUS.items():
+    for key, values in members.items():
         for value in values:
             with bad.case(f"{key} = {shortened(value)}"):
-                refused(lambda given={**LEAPFROG, key: value}: nh.Tableau(**given))
+                refused(partial(declare, {key: value}))
 
 
 def test_a_file_without_coefficients_is_refused(trials, here):

@@ -24,7 +24,7 @@ from nearharmonic_paper.experiments.work_precision.figures import work_precision
 from nearharmonic_paper.tasks.experiment import experiments, figures_of
 from nearharmonic_paper.tasks.provenance import function_of
 from support.cubes import figure_cubes as made
-from support.cubes.artists import NO_LINE, entries, look, look_of
+from support.cubes.artists import NO_LINE, entries, look, look_of, luminance
 from support.cubes.colour_vision import difference
 
 #: Figure -> what it draws for some methods, and the variables that a cube has even without a number: EXAMPLES in
@@ -41,9 +41,7 @@ TOGETHER = [*BENCHMARKED, "rnia12", "na7"]
 EXPERIMENTS = experiments()
 SHOWN = [stem for one in EXPERIMENTS.values() for stem in one.cubes]
 DECLARED = {one.stem: one for one in figures_of(("henon_heiles", "kepler", "sho"), SHOWN)}
-# Those of the systems that the paper has a figure of are drawn by that figure; every other system is shown like this.
-for system in ("sho", "henon_heiles", "kepler"):
-    del DECLARED[f"{system}_energy_error"]
+# Every system that the paper has no figure of is shown like this.
 (DECLARED["sho_energy_error"],) = (
     replace(one, stem="sho_energy_error") for one in figures_of(("other",)) if one.profile
 )
@@ -177,6 +175,19 @@ def test_a_figure_names_each_method_or_curve(name):
     of_one += ("crystals_map", "crystals_gain", "samplers_trained")
     assert name in of_one or all(made.label(m) in said or m in said for m in made.METHODS)
     assert name not in of_one or len(legend_of(name)) > 2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["crystals_map", "trained_ideas"])
+def test_numbers_on_cells_have_the_contrast_of_text(name):
+    contrasts = []
+    for axes in (one for one in figure_of(name).axes if one.images):
+        for text in axes.texts:
+            x, y = map(round, text.get_position())
+            dark, light = sorted(map(luminance, (text.get_color(), axes.images[0].get_array()[y, x])))
+            contrasts.append((light + 0.05) / (dark + 0.05))
+    assert len(contrasts) > 10
+    assert min(contrasts) >= 4.5
 
 
 def is_lettered(text):

@@ -18,11 +18,7 @@ import pytest
 import xarray as xr
 
 import nearharmonic as nh
-from nearharmonic.engine.settings import (
-    checked_t_end,
-    checked_tau,
-    steps_of,
-)
+from nearharmonic.engine.settings import checked_t_end, checked_tau, steps_of
 from nearharmonic.errors import NearharmonicError
 from support.bad_input import check_message
 from support.results.stated_numbers import ROOT

@@ -144,10 +144,7 @@ def test_search_calls_the_surface_for_all_crossings_at_once():
             {"surface": 0, "direction": "upp"},
             "direction = 'upp' is not allowed: one of up, down, both. Did you mean 'up'",
         ),
-        (
-            {"surface": 0, "starts": [[1, 2, 3]]},
-            r"starts\[0\] = \[1, 2, 3\] is not allowed: an array \(M, 4\)",
-        ),
+        ({"surface": 0, "starts": [[1, 2, 3]]}, r"starts\[0\] = \[1, 2, 3\] is not allowed: an array \(M, 4\)"),
         ({"surface": 0, "starts": [[1, 2, 3, np.inf]]}, r"starts\[0\]\[3\] = inf is not allowed: a finite number"),
         ({"surface": 0, "tau": 1e-9}, "takes|steps|bytes"),
         (

@@ -12,24 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mpmath import inf, mp, mpf, sqrt
 
-from nearharmonic.exact.polynomials import (
-    as_fraction,
-    as_mpf,
-    by_parity,
-    common_divisor,
-    decimals_in_common,
-    fixed_point,
-    newton,
-    positive_roots,
-    product,
-    prove,
-    rank_and_pivots,
-    real_root_count,
-    real_roots,
-    significant,
-    sturm_chain,
-    whole,
-)
+from nearharmonic.exact import polynomials
 
 #: No real root: x^2 + x + 1, and one with roots as close to the axis as 0.01.
 COMPLEX = ([1, 1, 1], [10001, -20000, 10000])
@@ -38,7 +21,7 @@ COMPLEX = ([1, 1, 1], [10001, -20000, 10000])
 def multiplied(factors):
     result = [1]
     for factor in factors:
-        result = product(result, factor)
+        result = polynomials.product(result, factor)
     return result
 
 
@@ -54,9 +37,9 @@ def rationals(lowest=-50):
 @given(st.lists(rationals(), min_size=1, max_size=6), st.sampled_from([[1], *COMPLEX]))
 @settings(max_examples=60, deadline=None)
 def test_real_roots_are_factors_of_polynomial_once_each(roots, without):
-    polynomial, distinct = product(with_roots(roots), without), sorted(set(roots))
-    found = real_roots(polynomial, 80)
-    assert len(found) == len(distinct) == real_root_count(sturm_chain(polynomial))
+    polynomial, distinct = polynomials.product(with_roots(roots), without), sorted(set(roots))
+    found = polynomials.real_roots(polynomial, 80)
+    assert len(found) == len(distinct) == polynomials.real_root_count(polynomials.sturm_chain(polynomial))
     assert all(abs(a - b) <= Fraction(1, 2**80) for a, b in zip(found, distinct, strict=True))
 
 
@@ -64,7 +47,7 @@ def test_real_roots_are_factors_of_polynomial_once_each(roots, without):
 @settings(max_examples=60, deadline=None)
 def test_positive_roots_are_found_to_111_bits_from_below(roots, without):
     distinct = sorted({root for root in roots if root > 0})
-    found = positive_roots(product(with_roots(roots), without))
+    found = polynomials.positive_roots(polynomials.product(with_roots(roots), without))
     assert len(found) == len(distinct)
     assert all(0 <= b - a <= a / 2**110 for a, b in zip(found, distinct, strict=True))
 
@@ -72,29 +55,32 @@ def test_positive_roots_are_found_to_111_bits_from_below(roots, without):
 def test_positive_dyadic_roots_are_found_exactly():
     # On these the halved intervals end: each has to be counted once, and neither by its neighbour.
     roots = [Fraction(n, 8) for n in (-16, -3, 1, 2, 4, 8, 20)]
-    assert positive_roots(with_roots(roots)) == roots[2:]
+    assert polynomials.positive_roots(with_roots(roots)) == roots[2:]
 
 
 @pytest.mark.parametrize("bits", [8, 60, 300])
 def test_two_roots_are_told_apart_however_close_they_are(bits):
     apart = Fraction(1, 3 * 2**bits)
     roots = [Fraction(1, 3), Fraction(1, 3) + apart, Fraction(7, 3)]
-    found = real_roots(with_roots(roots), bits + 10)
+    found = polynomials.real_roots(with_roots(roots), bits + 10)
     assert [abs(a - b) <= Fraction(1, 2 ** (bits + 10)) for a, b in zip(found, roots, strict=True)] == [True] * 3
 
 
 def test_polynomial_without_roots_on_side_asked_for_has_none():
     assert (
-        positive_roots([7]) == positive_roots([0, 1]) == positive_roots(with_roots([Fraction(-2), Fraction(0)])) == []
+        polynomials.positive_roots([7])
+        == polynomials.positive_roots([0, 1])
+        == polynomials.positive_roots(with_roots([Fraction(-2), Fraction(0)]))
+        == []
     )
-    assert all(real_roots(p, 20) == [] == positive_roots(p) for p in ([7], *COMPLEX))
+    assert all(polynomials.real_roots(p, 20) == [] == polynomials.positive_roots(p) for p in ([7], *COMPLEX))
     # Roots 10^-30 from the axis, at 1: Descartes' rule has to be asked again and again before the changes of sign go.
-    assert positive_roots([10**60 + 1, -2 * 10**60, 10**60]) == []
+    assert polynomials.positive_roots([10**60 + 1, -2 * 10**60, 10**60]) == []
 
 
 def test_irrational_roots_are_those_of_the_quadratic_formula():
     expected = [(7 - sqrt(mpf(17))) / 4, (7 + sqrt(mpf(17))) / 4]
-    for root, value in zip(positive_roots([4, -7, 2]), expected, strict=True):
+    for root, value in zip(polynomials.positive_roots([4, -7, 2]), expected, strict=True):
         assert 0 <= value - mpf(root.numerator) / root.denominator < value * mpf(2) ** -109
 
 
@@ -106,52 +92,56 @@ def test_roots_of_a_polynomial_with_thousands_of_digits_are_found():
         previous, polynomial = polynomial, [a - b for a, b in zip(doubled, [*previous, 0, 0], strict=True)]
     moved = [c * (10**2000 + 1) + 10**1000 * (n % 3) for n, c in enumerate(polynomial)]
     expected = sorted(mp.cos((2 * k - 1) * mp.pi / 30) for k in range(1, 16))
-    found = [mpf(root.numerator) / root.denominator for root in real_roots(moved, 130)]
+    found = [mpf(root.numerator) / root.denominator for root in polynomials.real_roots(moved, 130)]
     assert max(abs(a - b) for a, b in zip(found, expected, strict=True)) < mpf(10) ** -38
 
 
 def test_sturm_counts_and_isolates_the_roots_of_known_polynomials():
     p = np.polynomial.polynomial.polyfromroots([1, 2, -1.5, 1j, -1j]).real * 2
-    roots = real_roots([round(c) for c in p], 60)
+    roots = polynomials.real_roots([round(c) for c in p], 60)
     assert [float(r) for r in roots] == pytest.approx([-1.5, 1, 2], abs=2e-18)
-    assert len(sturm_chain([1, -2, 1])[-1]) == 2  # (x - 1)^2 shares a factor with its derivative
+    assert len(polynomials.sturm_chain([1, -2, 1])[-1]) == 2  # (x - 1)^2 shares a factor with its derivative
 
 
 @given(st.lists(rationals(-9), min_size=1, max_size=4), st.lists(rationals(-9), max_size=3), st.booleans())
 @settings(max_examples=60, deadline=None)
 def test_greatest_common_divisor_has_common_roots_with_multiplicity(roots, others, negative):
     left, right = with_roots([*roots, *others]), with_roots(roots)
-    divisor = common_divisor([-c for c in left] if negative else left, product(right, [1, 0, 1]))
+    divisor = polynomials.common_divisor(
+        [-c for c in left] if negative else left, polynomials.product(right, [1, 0, 1])
+    )
     content = np.gcd.reduce(np.array(right, dtype=object))
     assert divisor == [c // content for c in right]
 
 
 def test_agreement_modulo_prime_does_not_prove_common_root():
     prime = 2**61 - 1
-    assert common_divisor([1, 1], [1 + prime, 1]) == [1]
+    assert polynomials.common_divisor([1, 1], [1 + prime, 1]) == [1]
     # Leading terms that vanish modulo the prime: there the first is 1, which has no root at all.
-    assert common_divisor(product([1, prime], [1, prime]), product([1, prime], [2, 1])) == [1, prime]
+    assert polynomials.common_divisor(
+        polynomials.product([1, prime], [1, prime]), polynomials.product([1, prime], [2, 1])
+    ) == [1, prime]
 
 
 @given(st.dictionaries(rationals(-9), st.integers(1, 4), min_size=1, max_size=4))
 @settings(max_examples=60, deadline=None)
 def test_roots_are_separated_by_whether_the_polynomial_changes_sign_there(multiplicities):
     polynomial = with_roots([root for root, times in multiplicities.items() for _ in range(times)])
-    for parity, found in zip((1, 0), by_parity(polynomial), strict=True):
+    for parity, found in zip((1, 0), polynomials.by_parity(polynomial), strict=True):
         expected = sorted(root for root, times in multiplicities.items() if times % 2 == parity)
         assert len(found) - 1 == len(expected)
         assert all(sum(c * root**n for n, c in enumerate(found)) == 0 for root in expected)
 
 
 def test_a_row_of_fractions_becomes_the_smallest_whole_multiple():
-    assert whole([Fraction(1, 2), Fraction(-2, 3), Fraction(0)]) == [3, -4]
-    assert whole([Fraction(4), Fraction(6)]) == [2, 3]
-    assert whole([Fraction(0)]) == []
+    assert polynomials.whole([Fraction(1, 2), Fraction(-2, 3), Fraction(0)]) == [3, -4]
+    assert polynomials.whole([Fraction(4), Fraction(6)]) == [2, 3]
+    assert polynomials.whole([Fraction(0)]) == []
 
 
 def test_sturm_chain_changes_sign_once_at_each_root_only():
     roots = [Fraction(-3), Fraction(1, 2), Fraction(5)]
-    chain = sturm_chain(with_roots(roots))
+    chain = polynomials.sturm_chain(with_roots(roots))
 
     def changes(x):
         signs = [value > 0 for value in (sum(c * x**n for n, c in enumerate(link)) for link in chain) if value]
@@ -182,7 +172,7 @@ def sphere_slopes(x):
 
 @pytest.mark.parametrize("digits", [20, 300])
 def test_newton_comes_to_the_zero_to_the_digits_asked_for(digits):
-    limit = newton(circle_and_line, slopes, [1.5, Fraction(4, 3)], digits=digits)
+    limit = polynomials.newton(circle_and_line, slopes, [1.5, Fraction(4, 3)], digits=digits)
     assert limit.converged
     with mp.workdps(digits + 10):
         assert max(abs(c - sqrt(mpf(2))) for c in limit.point) < mpf(10) ** -digits
@@ -193,20 +183,20 @@ def test_newton_comes_to_the_zero_to_the_digits_asked_for(digits):
 
 def test_newton_finds_nearest_surface_point_at_first_order():
     # Steps along the gradient of |x|^2 lead straight to the centre: the direction of the start is kept.
-    limit = newton(sphere, sphere_slopes, [2, 4, 4], digits=40)
+    limit = polynomials.newton(sphere, sphere_slopes, [2, 4, 4], digits=40)
     assert max(abs(a - b) for a, b in zip(limit.point, (1, 2, 2), strict=True)) < mpf(10) ** -40
 
 
 def test_unknowns_that_are_fixed_stay_where_they_are():
-    limit = newton(sphere, sphere_slopes, [1, 2, mpf("1.9")], digits=40, fixed=(0, 1))
+    limit = polynomials.newton(sphere, sphere_slopes, [1, 2, mpf("1.9")], digits=40, fixed=(0, 1))
     assert limit.point[:2] == (1, 2)
     assert abs(limit.point[2] - 2) < mpf(10) ** -40
-    off = newton(sphere, sphere_slopes, [5, 0, 1], digits=40, fixed=(0,))
+    off = polynomials.newton(sphere, sphere_slopes, [5, 0, 1], digits=40, fixed=(0,))
     assert not off.converged  # x = 5 meets no sphere of radius 3
 
 
 def test_where_no_zero_is_newton_says_how_large_residual_is():
-    limit = newton(lambda x: [x[0] ** 2 + 1], lambda x: [[2 * x[0]]], [mpf("0.5")], digits=30)
+    limit = polynomials.newton(lambda x: [x[0] ** 2 + 1], lambda x: [[2 * x[0]]], [mpf("0.5")], digits=30)
     assert not limit.converged
     assert abs(limit.residual - (limit.point[0] ** 2 + 1)) < mpf(10) ** -10 * limit.residual
     assert limit.residual >= 1
@@ -214,32 +204,34 @@ def test_where_no_zero_is_newton_says_how_large_residual_is():
 
 def test_double_zero_is_not_distinguished_from_no_zero():
     # Each step halves the distance: 2^-16 after 15 of them.
-    limit = newton(lambda x: [x[0] ** 2], lambda x: [[2 * x[0]]], [mpf("0.5")], digits=10)
+    limit = polynomials.newton(lambda x: [x[0] ** 2], lambda x: [[2 * x[0]]], [mpf("0.5")], digits=10)
     assert (limit.converged, limit.iterations) == (False, 15)
     assert (limit.correction, limit.point[0]) == (mpf(2) ** -16, mpf(2) ** -16)
 
 
 def test_a_singular_start_ends_at_once():
-    limit = newton(circle_and_line, lambda x: [[0 * x[0]] * 2] * 2, [1, 1], digits=30)
+    limit = polynomials.newton(circle_and_line, lambda x: [[0 * x[0]] * 2] * 2, [1, 1], digits=30)
     assert (limit.converged, limit.iterations, limit.correction) == (False, 0, mp.inf)
     assert limit.residual == 2
 
 
 def test_rank_counts_independent_values_and_pivots_have_largest_slopes():
     rows = [[1, 2, 100, 0], [2, 4, 200, 0], [0, 0, 1, 3]]
-    rank, pivots = rank_and_pivots(lambda _: [list(map(mpf, row)) for row in rows], [0] * 4)
+    rank, pivots = polynomials.rank_and_pivots(lambda _: [list(map(mpf, row)) for row in rows], [0] * 4)
     assert (rank, pivots) == (2, (2, 3))
     for digits, expected in ((24, 2), (16, 1)):  # a pivot of 1e-10 counts while it is above half of the digits
         nearly = [[mpf(1), mpf(1)], [mpf(1), 1 + mpf("1e-10")]]
-        assert rank_and_pivots(lambda _, rows=nearly: rows, [0, 0], digits=digits)[0] == expected
-    assert rank_and_pivots(slopes, [1, 1])[0] == 2
-    assert rank_and_pivots(slopes, [Fraction(1, 2), Fraction(-1, 2)])[0] == 1  # there circle and line are parallel
+        assert polynomials.rank_and_pivots(lambda _, rows=nearly: rows, [0, 0], digits=digits)[0] == expected
+    assert polynomials.rank_and_pivots(slopes, [1, 1])[0] == 2
+    assert (
+        polynomials.rank_and_pivots(slopes, [Fraction(1, 2), Fraction(-1, 2)])[0] == 1
+    )  # there circle and line are parallel
 
 
 def test_zero_that_is_near_is_proved_and_its_distance_bounded():
     exact = sqrt(mpf(2))
     near = [exact + mpf("2e-21"), exact - mpf("1e-21")]
-    proof = prove(circle_and_line, slopes, near, radius="1e-20")
+    proof = polynomials.prove(circle_and_line, slopes, near, radius="1e-20")
     assert proof.proved
     assert mpf("2e-21") <= proof.distance < mpf("2.001e-21")
 
@@ -253,15 +245,15 @@ def test_zero_that_is_near_is_proved_and_its_distance_bounded():
     ],
 )
 def test_nothing_is_proved_without_exactly_one_zero_in_box(point, radius):
-    assert not prove(circle_and_line, slopes, point, radius=radius).proved
+    assert not polynomials.prove(circle_and_line, slopes, point, radius=radius).proved
 
 
 def test_a_proof_with_fixed_unknowns_is_about_the_others():
     point = [Fraction(1), Fraction(2), Fraction(2) + Fraction(1, 10**12)]
-    proof = prove(sphere, sphere_slopes, point, radius="1e-11", fixed=(0, 1))
+    proof = polynomials.prove(sphere, sphere_slopes, point, radius="1e-11", fixed=(0, 1))
     assert proof.proved
     assert mpf("0.999e-12") < proof.distance < mpf("1.001e-12")
-    assert not prove(sphere, sphere_slopes, point, radius="1e-13", fixed=(0, 1)).proved
+    assert not polynomials.prove(sphere, sphere_slopes, point, radius="1e-13", fixed=(0, 1)).proved
 
 
 # --- printed and rounded numbers against decimals written out by hand -------------------------------------------------
@@ -285,7 +277,7 @@ def test_a_proof_with_fixed_unknowns_is_about_the_others():
     ],
 )
 def test_number_is_rounded_to_given_decimals_with_trailing_zeros(number, places, text):
-    assert fixed_point(number, places) == text
+    assert polynomials.fixed_point(number, places) == text
 
 
 @given(st.integers(-(10**30), 10**30), st.integers(1, 40))
@@ -294,7 +286,7 @@ def test_fixed_point_agrees_with_decimal_arithmetic(numerator, places):
     with localcontext(prec=120):
         number = Decimal(numerator).scaleb(-25)
         expected = number.quantize(Decimal(1).scaleb(-places), ROUND_HALF_EVEN)
-    found = fixed_point(Fraction(numerator, 10**25), places)
+    found = polynomials.fixed_point(Fraction(numerator, 10**25), places)
     assert Decimal(found) == expected
     assert len(found.partition(".")[2]) == places
 
@@ -303,26 +295,26 @@ def test_every_bit_of_number_is_written_whatever_current_precision():
     with mp.workdps(60):
         root = sqrt(mpf(2))
     with mp.workdps(5):
-        assert fixed_point(root, 50) == "1.41421356237309504880168872420969807856967187537695"
-        assert fixed_point(-root, 3) == "-1.414"
+        assert polynomials.fixed_point(root, 50) == "1.41421356237309504880168872420969807856967187537695"
+        assert polynomials.fixed_point(-root, 3) == "-1.414"
 
 
 @pytest.mark.parametrize("value", ["0.1", "-123456789.0625", "3e-40"])
 def test_a_number_becomes_the_fraction_that_its_bits_stand_for(value):
     with mp.workdps(25):
         number = mpf(value)
-        assert abs(as_fraction(number) / Fraction(value) - 1) < Fraction(1, 2**mp.prec)
-        assert as_mpf(as_fraction(number)) == number
-    assert as_fraction(value) == Fraction(value)
-    assert as_fraction(0.1) == Fraction(*(0.1).as_integer_ratio())
+        assert abs(polynomials.as_fraction(number) / Fraction(value) - 1) < Fraction(1, 2**mp.prec)
+        assert polynomials.as_mpf(polynomials.as_fraction(number)) == number
+    assert polynomials.as_fraction(value) == Fraction(value)
+    assert polynomials.as_fraction(0.1) == Fraction(*(0.1).as_integer_ratio())
 
 
 def test_a_fraction_is_rounded_to_the_precision_at_hand():
     with mp.workdps(40):
-        third = as_mpf(Fraction(1, 3))
+        third = polynomials.as_mpf(Fraction(1, 3))
         assert abs(3 * third - 1) < mpf(10) ** -40
-        assert as_mpf(7) == 7
-        assert as_mpf("0.5") == as_mpf(0.5) == mpf(1) / 2
+        assert polynomials.as_mpf(7) == 7
+        assert polynomials.as_mpf("0.5") == polynomials.as_mpf(0.5) == mpf(1) / 2
 
 
 @pytest.mark.parametrize(
@@ -330,7 +322,7 @@ def test_a_fraction_is_rounded_to_the_precision_at_hand():
     [(mpf("3.25"), "3.2500"), (mpf("0.5"), "0.50000"), (mpf("12.34567"), "12.346"), (inf, "inf"), (0, "0")],
 )
 def test_significant_digits_are_counted_from_first_that_is_not_zero(number, text):
-    assert significant(number, 5) == text
+    assert polynomials.significant(number, 5) == text
 
 
 @pytest.mark.parametrize(
@@ -345,9 +337,9 @@ def test_significant_digits_are_counted_from_first_that_is_not_zero(number, text
     ],
 )
 def test_decimals_agree_where_the_difference_is_less_than_one_unit(printed, derived, digits):
-    assert decimals_in_common(printed, derived) == digits
+    assert polynomials.decimals_in_common(printed, derived) == digits
 
 
 def test_no_more_decimals_agree_than_are_looked_at():
-    assert decimals_in_common("0.123456", "0.123456", 4) == 4
-    assert decimals_in_common("0.5", "0.50000001", 10) == 7
+    assert polynomials.decimals_in_common("0.123456", "0.123456", 4) == 4
+    assert polynomials.decimals_in_common("0.5", "0.50000001", 10) == 7

@@ -18,9 +18,7 @@ from support.oracles.word_series import plus, series, times
 LENGTH = 6
 #: Steps that are no palindromes, in which an operator may follow itself.
 steps = st.lists(
-    st.tuples(st.sampled_from("ABC"), st.integers(-1500, 1500).map(lambda n: Fraction(n, 1000))),
-    min_size=1,
-    max_size=6,
+    st.tuples(st.sampled_from("ABC"), st.integers(-1500, 1500).map(lambda n: Fraction(n, 1000))), min_size=1, max_size=6
 )
 
 

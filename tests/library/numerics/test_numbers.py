@@ -17,25 +17,8 @@ from hypothesis import strategies as st
 from scipy.stats import linregress
 from scipy.stats import t as student
 
+from nearharmonic.numerics import portable
 from nearharmonic.numerics.clock import Patience, interleaved, pinned, processor, summary
-from nearharmonic.numerics.portable import (
-    decades,
-    dot,
-    eigen,
-    geometric,
-    jackknife_interval,
-    line_fit,
-    log10,
-    nearest_power_of_two,
-    norms,
-    observed_order,
-    product,
-    student_975,
-    total,
-    totals,
-    trend_linearity,
-    unwrapped,
-)
 from nearharmonic.numerics.written import any_decimal_of, decimal_of, exact_number, fraction_of, integer_of, is_integer
 
 # --- Functions with the same bits everywhere, against exact fractions, multiprecision and LAPACK
@@ -48,61 +31,63 @@ numbers = st.floats(-1e100, 1e100)
 
 @given(st.lists(numbers))
 def test_a_total_is_the_exact_sum_rounded_once(terms):
-    assert total(terms) == float(sum(map(Fraction, terms)))
+    assert portable.total(terms) == float(sum(map(Fraction, terms)))
 
 
 @given(st.lists(st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=5, max_size=5), max_size=4))
 def test_totals_of_rows_are_exact_sums_rounded_once_whatever_their_sizes(rows):
     terms = [[x / 8 for x in row] for row in rows]  # no sum is beyond the range of doubles
-    assert totals(np.array(terms).reshape(-1, 5)).tolist() == [float(sum(map(Fraction, row))) for row in terms]
+    assert portable.totals(np.array(terms).reshape(-1, 5)).tolist() == [float(sum(map(Fraction, row))) for row in terms]
 
 
 def test_totals_of_long_rows_neither_lose_nor_reorder_bits():
     sizes = 10.0 ** np.random.default_rng(4).uniform(-30, 30, (3, 4, 700))
     terms = sizes * np.random.default_rng(5).normal(size=sizes.shape)
     terms = np.concatenate([terms, -terms[..., ::-1], np.full((3, 4, 1), 1e-40)], axis=-1)
-    assert totals(terms[..., :700]).tolist() == [[float(sum(map(Fraction, x))) for x in y[..., :700]] for y in terms]
-    assert (totals(terms) == 1e-40).all()
+    assert portable.totals(terms[..., :700]).tolist() == [
+        [float(sum(map(Fraction, x))) for x in y[..., :700]] for y in terms
+    ]
+    assert (portable.totals(terms) == 1e-40).all()
 
 
 def test_totals_of_other_rows_are_those_of_a_total():
     rows = np.array([[1.0, np.inf], [np.inf, -np.inf], [np.nan, 1.0], [1e308, -1e308], [2.0, 3.0], [0.0, 0.0]])
-    np.testing.assert_array_equal(totals(rows), [total(row) for row in rows])
-    assert totals(np.zeros((2, 0))).tolist() == [0.0, 0.0]
+    np.testing.assert_array_equal(portable.totals(rows), [portable.total(row) for row in rows])
+    assert portable.totals(np.zeros((2, 0))).tolist() == [0.0, 0.0]
 
 
 @given(st.lists(st.tuples(numbers, numbers)))
 def test_a_dot_product_is_the_exact_sum_of_rounded_products(pairs):
     one, other = np.array(pairs).reshape(-1, 2).T
-    assert dot(one, other) == float(sum(Fraction(float(a) * float(b)) for a, b in pairs))
+    assert portable.dot(one, other) == float(sum(Fraction(float(a) * float(b)) for a, b in pairs))
 
 
 @pytest.mark.parametrize(("terms", "expected"), [([1.0, np.inf], np.inf), ([-np.inf, 1.0], -np.inf)])
 def test_a_total_with_an_infinity_is_infinite(terms, expected):
-    assert total(terms) == expected
+    assert portable.total(terms) == expected
 
 
 def test_a_total_of_what_is_undefined_is_nan():
-    assert np.isnan([total([1.0, np.nan]), total([np.inf, -np.inf])]).all()
+    assert np.isnan([portable.total([1.0, np.nan]), portable.total([np.inf, -np.inf])]).all()
 
 
 @given(st.floats(1e-300, 1e300))
 def test_log10_is_off_by_two_ulp_at_most(x):
     """Errors of the logarithm, of ln 10 and of the quotient are half an ulp each, or one ulp for our logarithm."""
     exact = mpmath.log10(mpmath.mpf(x))
-    assert abs(mpmath.mpf(log10(x)) - exact) <= 2 * EPS * abs(exact)
-    assert log10(np.array([x]))[0] == log10(x)
+    assert abs(mpmath.mpf(portable.log10(x)) - exact) <= 2 * EPS * abs(exact)
+    assert portable.log10(np.array([x]))[0] == portable.log10(x)
 
 
 @given(st.integers(-1000, 1000), st.floats(1.0, 2.0, exclude_max=True))
 def test_a_power_of_two_is_the_nearest_in_the_logarithm(exponent, factor):
     x = mpmath.mpf(factor) * mpmath.mpf(2) ** exponent
-    assert nearest_power_of_two(float(x)) == mpmath.mpf(2) ** mpmath.nint(mpmath.log(x, 2))
+    assert portable.nearest_power_of_two(float(x)) == mpmath.mpf(2) ** mpmath.nint(mpmath.log(x, 2))
 
 
 @pytest.mark.parametrize("x", [np.inf, np.nan])
 def test_what_is_not_finite_has_no_power_of_two(x):
-    assert not np.isfinite(nearest_power_of_two(x))
+    assert not np.isfinite(portable.nearest_power_of_two(x))
 
 
 @given(st.floats(1e-200, 1e200), st.floats(1e-200, 1e200), st.integers(2, 9))
@@ -110,13 +95,13 @@ def test_a_geometric_grid_is_correctly_rounded(lowest, highest, count):
     """Ends stand for the decimals that name them, as the config writes them."""
     first, last = mpmath.mpf(repr(lowest)), mpmath.mpf(repr(highest))
     inner = [first * (last / first) ** (mpmath.mpf(i) / (count - 1)) for i in range(1, count - 1)]
-    assert geometric(lowest, highest, count) == [lowest, *map(float, inner), highest]
+    assert portable.geometric(lowest, highest, count) == [lowest, *map(float, inner), highest]
 
 
 def test_a_geometric_grid_holds_the_decimals_that_it_passes():
-    assert geometric(1e-4, 1, 5) == [1e-4, 1e-3, 1e-2, 1e-1, 1.0]
-    assert geometric(3.0, 5.0, 1) == [3.0]
-    assert [float(x) for x in decades(0.2, 2, 0, 5)][::2] == [0.2, 2.0, 20.0]
+    assert portable.geometric(1e-4, 1, 5) == [1e-4, 1e-3, 1e-2, 1e-1, 1.0]
+    assert portable.geometric(3.0, 5.0, 1) == [3.0]
+    assert [float(x) for x in portable.decades(0.2, 2, 0, 5)][::2] == [0.2, 2.0, 20.0]
 
 
 def symmetric(seed, count, n):
@@ -128,7 +113,7 @@ def symmetric(seed, count, n):
 def test_eigenvalues_are_those_of_lapack_and_vectors_are_orthonormal(n):
     """To rounding of some sweeps of n^2 / 2 rotations, times the size of the matrix."""
     A = symmetric(n, 20, n)
-    values, vectors = eigen(A)
+    values, vectors = portable.eigen(A)
     bound = 100 * n * EPS * np.abs(A).max()
     assert np.abs(values - np.linalg.eigvalsh(A)).max() < bound
     assert np.abs(A @ vectors - vectors * values[:, None, :]).max() < bound
@@ -138,25 +123,25 @@ def test_eigenvalues_are_those_of_lapack_and_vectors_are_orthonormal(n):
 def test_degenerate_eigenvalues_have_an_orthonormal_basis():
     """The differences of a ring of six: frequencies 0, 1, 1, 3, 3, 4 squared, known in closed form."""
     ring = 2 * np.eye(6) - np.roll(np.eye(6), 1, axis=0) - np.roll(np.eye(6), -1, axis=0)
-    values, vectors = eigen(ring)
+    values, vectors = portable.eigen(ring)
     assert values == pytest.approx([0, 1, 1, 3, 3, 4], abs=1e-14)
     assert np.abs(vectors.T @ vectors - np.eye(6)).max() < 1e-14
 
 
 def test_a_diagonal_matrix_keeps_the_axes():
-    values, vectors = eigen(np.diag([3.0, 1.0, 1.0]))
+    values, vectors = portable.eigen(np.diag([3.0, 1.0, 1.0]))
     assert values.tolist() == [1, 1, 3]
     assert vectors.tolist() == [[0, 0, 1], [1, 0, 0], [0, 1, 0]]
 
 
 def test_norms_are_largest_singular_values():
     A = np.random.default_rng(1).normal(size=(30, 5, 3))
-    assert norms(A) == pytest.approx(np.linalg.norm(A, ord=2, axis=(1, 2)), rel=100 * EPS)
+    assert portable.norms(A) == pytest.approx(np.linalg.norm(A, ord=2, axis=(1, 2)), rel=100 * EPS)
 
 
 def test_a_product_is_that_of_matrices():
     rows, matrix = np.random.default_rng(2).integers(-9, 9, (4, 3, 5)) * 1.0, np.arange(10.0).reshape(5, 2)
-    assert (product(rows, matrix) == rows @ matrix).all()
+    assert (portable.product(rows, matrix) == rows @ matrix).all()
 
 
 # --- Fits and averages over runs: slopes above a floor, trends and their intervals
@@ -168,7 +153,7 @@ TAU = 10.0 ** (np.arange(81) / 20 - 4)
 
 def order_of(tau, error):
     tau, error = (xr.DataArray(x, dims="tau_per_stage") for x in (tau, error))
-    return observed_order(tau, error).item()
+    return portable.observed_order(tau, error).item()
 
 
 def slope_by_the_rule(tau, error):
@@ -210,7 +195,7 @@ def test_each_method_has_the_slope_of_its_own_step_sizes():
         np.maximum([grid**4, 3 * (2 * grid) ** 6, grid**4], 1e-15), dims=("integrator", "tau_per_stage")
     )
     for order in (("integrator", "tau_per_stage"), ("tau_per_stage", "integrator")):
-        found = observed_order(tau.transpose(*order), errors.transpose(*order))
+        found = portable.observed_order(tau.transpose(*order), errors.transpose(*order))
         assert found.dims == ("integrator",)
         np.testing.assert_allclose(found, [4, 6, 2], atol=1e-9)
     assert found.attrs["units"] == "1"
@@ -223,12 +208,14 @@ def allowed(freedom):
 
 def test_quantile_is_students_for_1_to_200_degrees_of_freedom():
     for freedom in range(1, 201):
-        assert student_975(freedom) == pytest.approx(student.ppf(0.975, freedom), rel=allowed(freedom)), freedom
+        assert portable.student_975(freedom) == pytest.approx(student.ppf(0.975, freedom), rel=allowed(freedom)), (
+            freedom
+        )
 
 
 def test_the_trend_of_four_points_and_its_interval_by_hand():
     """Angles 0, 1, 1, 2 at 0 ... 3: slope 3/5; squares 0.2 over two degrees of freedom and 5; t_0.975 = 4.302653."""
-    slope, width = line_fit(*unwrapped(np.arange(4.0), np.array([0.0, 1.0, 1.0, 2.0])))
+    slope, width = portable.line_fit(*portable.unwrapped(np.arange(4.0), np.array([0.0, 1.0, 1.0, 2.0])))
     assert slope == pytest.approx(0.6, rel=1e-14)
     assert width == pytest.approx(4.302652729749462 * np.sqrt(0.2 / 2 / 5), rel=1e-14)
 
@@ -238,7 +225,7 @@ def test_trend_is_least_squares_with_n_minus_2_freedoms(points):
     random = np.random.default_rng(points)
     t, angle = np.sort(random.uniform(0, 100, points)), random.normal(0, 0.3, points)
     expected = linregress(t, angle)
-    slope, width = line_fit(*unwrapped(t, angle))
+    slope, width = portable.line_fit(*portable.unwrapped(t, angle))
     assert slope == pytest.approx(expected.slope, rel=1e-10)
     interval = expected.stderr * student.ppf(0.975, points - 2)
     assert width == pytest.approx(interval, rel=allowed(points - 2) + 1e-10)
@@ -247,25 +234,27 @@ def test_trend_is_least_squares_with_n_minus_2_freedoms(points):
 @pytest.mark.parametrize("rate", [0.3, -0.3, 3.0])
 def test_an_angle_that_passes_pi_turns_on(rate):
     t = np.linspace(0, 100, 400)
-    slope, width = line_fit(*unwrapped(t, np.angle(np.exp(1j * (2.5 + rate * t)))))
+    slope, width = portable.line_fit(*portable.unwrapped(t, np.angle(np.exp(1j * (2.5 + rate * t)))))
     assert slope == pytest.approx(rate, rel=1e-12)
     assert 0 <= width < 1e-12
 
 
 def test_samples_that_are_missing_do_not_enter_a_trend():
     t, angle = np.array([0.0, 1.0, np.nan, 2.0, 3.0, 4.0]), np.array([0.0, 1.0, 0.0, 1.0, 2.0, np.nan])
-    assert line_fit(*unwrapped(t, angle)) == line_fit(*unwrapped(np.arange(4.0), np.array([0.0, 1.0, 1.0, 2.0])))
-    assert np.isnan(line_fit(*unwrapped(t[:3], angle[:3]))).all()
+    assert portable.line_fit(*portable.unwrapped(t, angle)) == portable.line_fit(
+        *portable.unwrapped(np.arange(4.0), np.array([0.0, 1.0, 1.0, 2.0]))
+    )
+    assert np.isnan(portable.line_fit(*portable.unwrapped(t[:3], angle[:3]))).all()
 
 
 def test_rows_have_the_trends_that_they_have_alone():
     random = np.random.default_rng(6)
     t, angle = np.sort(random.uniform(0, 100, (6, 40))), np.cumsum(random.uniform(-2, 3, (6, 40)), axis=1)
     angle[1, 7], angle[2, 20:], t[3, :30], angle[4, 2:], angle[5] = np.nan, np.nan, np.inf, np.nan, np.nan
-    for fit in (line_fit, trend_linearity):
+    for fit in (portable.line_fit, portable.trend_linearity):
         parts = ([row[np.isfinite(x) & np.isfinite(y)] for row in (x, y)] for x, y in zip(t, angle, strict=True))
-        alone = [fit(*unwrapped(*part)) for part in parts]
-        np.testing.assert_array_equal(np.transpose(fit(*unwrapped(t, angle))), alone)
+        alone = [fit(*portable.unwrapped(*part)) for part in parts]
+        np.testing.assert_array_equal(np.transpose(fit(*portable.unwrapped(t, angle))), alone)
         assert np.isnan(alone).all(axis=1).tolist() == [False] * 4 + [True] * 2
 
 
@@ -274,7 +263,7 @@ def test_linearity_is_the_squared_correlation_and_halves_compare_slopes(points):
     """A mean of 1e3 and angles that grow by 0.3 a point on average; both sides round sums of some 50 terms."""
     random = np.random.default_rng(points)
     t, angle = 1e3 + np.sort(random.uniform(0, 100, points)), np.cumsum(random.uniform(-0.2, 0.8, points))
-    determination, halves = trend_linearity(*unwrapped(t, (angle + np.pi) % (2 * np.pi) - np.pi))
+    determination, halves = portable.trend_linearity(*portable.unwrapped(t, (angle + np.pi) % (2 * np.pi) - np.pi))
     assert determination == pytest.approx(np.corrcoef(t, angle)[0, 1] ** 2, rel=1e-10)
     half = (points + 1) // 2
     first, second = (np.polyfit(t[part] - 1e3, angle[part], 1)[0] for part in (slice(half), slice(points - half, None)))
@@ -283,9 +272,9 @@ def test_linearity_is_the_squared_correlation_and_halves_compare_slopes(points):
 
 def test_linearity_needs_three_points_and_an_angle_that_turns():
     t = np.arange(4.0)
-    assert np.isnan(trend_linearity(*unwrapped(t, np.zeros(4)))).all()
-    assert np.isnan(trend_linearity(*unwrapped(t[:2], t[:2]))).all()
-    assert np.isnan(trend_linearity(*unwrapped(t, np.array([0.0, 1.0, np.nan, np.inf])))).all()
+    assert np.isnan(portable.trend_linearity(*portable.unwrapped(t, np.zeros(4)))).all()
+    assert np.isnan(portable.trend_linearity(*portable.unwrapped(t[:2], t[:2]))).all()
+    assert np.isnan(portable.trend_linearity(*portable.unwrapped(t, np.array([0.0, 1.0, np.nan, np.inf])))).all()
 
 
 def test_jackknife_of_mean_is_interval_of_mean():
@@ -293,14 +282,14 @@ def test_jackknife_of_mean_is_interval_of_mean():
     values = np.random.default_rng(3).normal(5, 2, 9)
     without = np.array([np.delete(values, i).mean() for i in range(9)])
     interval = student.ppf(0.975, 8) * values.std(ddof=1) / 3
-    assert jackknife_interval(without) == pytest.approx(interval, rel=allowed(8) + 1e-12)
+    assert portable.jackknife_interval(without) == pytest.approx(interval, rel=allowed(8) + 1e-12)
 
 
 def test_line_is_fitted_to_ordinates_of_any_mean_and_size():
     """Nothing is unwrapped: ordinates in steps of more than pi stay as they are."""
     x, y = np.array([-3.0, -1.0, 0.0, 4.0]), np.array([100.0, 140.0, 90.0, 210.0])
     expected = linregress(x, y)
-    slope, width = line_fit(x, y)
+    slope, width = portable.line_fit(x, y)
     assert slope == pytest.approx(expected.slope, rel=1e-13)
     assert width == pytest.approx(expected.stderr * student.ppf(0.975, 2), rel=1e-12)
 

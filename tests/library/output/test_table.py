@@ -31,6 +31,23 @@ def test_each_form_holds_the_digits_that_its_readers_see():
     assert TABLE.records()[1] == {"name": "c", "size": 2}
 
 
+def test_latex_has_formulas_and_numbers_in_math_mode():
+    rows = [
+        ["Q[1,0] Cbar_2 - C_2 Q[0,0]", -0.5],
+        ["babps8o7h & bcss_s2, 5 %", 1e-5],
+        ["d_1 = d_3", 87660],
+        ["h", "0.1234567"],
+    ]
+    lines = Table(header=["tau^2 of Table 2", "d(1)"], rows=rows).latex().splitlines()[3:]
+    assert [line for line in lines if "&" in line] == [
+        r"$\tau^{2}$ of Table 2 & $d(1)$ \\",
+        r"$Q_{1,0} \bar C_2 - C_2 Q_{0,0}$ & $-0.5$ \\",
+        r"babps8o7h \& bcss\_s2, 5 \% & $1 \times 10^{-5}$ \\",
+        r"$d_1 = d_3$ & $87\,660$ \\",
+        r"h & $0.12345\,67$ \\",
+    ]
+
+
 def test_bar_in_a_cell_ends_no_cell_of_markdown():
     table = Table(header=["x"], rows=[["|q| < 1"]], caption="Sizes.")
     assert table.markdown().splitlines()[-1] == r"| \|q\| < 1 |"

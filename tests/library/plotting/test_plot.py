@@ -14,6 +14,7 @@ import pytest
 import xarray as xr
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 from PIL import Image
 
 import nearharmonic as nh
@@ -223,10 +224,7 @@ def test_a_tangent_result_shows_its_indicators_over_time():
             assert says in axes.get_ylabel()
             for row, line in zip(np.atleast_2d(found[name]), axes.lines, strict=True):
                 np.testing.assert_array_equal(line.get_ydata(), row)
-        assert ("(1/h)" in figure.axes[0].get_ylabel(), "(h)" in figure.axes[2].get_xlabel()) == (
-            not given,
-            not given,
-        )
+        assert ("(1/h)" in figure.axes[0].get_ylabel(), "(h)" in figure.axes[2].get_xlabel()) == (not given, not given)
         with pytest.raises(SettingError, match="kind = 'energy' is not allowed"):
             nh.plot(found, kind="energy")
     with pytest.raises(SettingError, match=r"^runs = "):
@@ -263,6 +261,23 @@ def test_labels_of_short_axes_are_inside_of_the_figure():
         box = axes.get_tightbbox()
         assert box.x0 >= 0
         assert box.x1 <= figure.bbox.width
+
+
+def test_column_figure_has_legible_text_inside_its_85_mm():
+    names = ["ruth", "yoshida_s7o6a", "abas5o6h", "babs7o7h", "babps9o7h"]
+    runs = [nh.sweep("henon_heiles", name, [0.5, 0.1, 0.02], t_end=10) for name in names]
+    figure = nh.plot(runs, width="column", title="A title")
+    figure.draw_without_rendering()
+    assert figure.get_figwidth() * 25.4 == pytest.approx(85)
+    written = [text for text in figure.findobj(Text) if text.get_text() and text.get_visible()]
+    assert min(text.get_fontsize() for text in written) >= 6
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    tops = [axes.get_tightbbox(renderer).y1 for axes in figure.axes]
+    legend = figure.legends[0].get_window_extent(renderer)
+    assert figure.bbox.x0 <= legend.x0
+    assert legend.x1 <= figure.bbox.width
+    assert max(tops) < legend.y0
+    assert all(axes.get_tightbbox(renderer).x0 >= 0 for axes in figure.axes)
 
 
 def test_kind_axes_and_title_select_what_is_drawn():
@@ -312,6 +327,7 @@ def test_a_recommendation_is_drawn_against_evaluations_and_time():
             {"kind": "phase", "axes": ("q1", "p3")},
             "axes = ('q1', 'p3') is not allowed: two of q1, q2, p1, p2, energy_error, t",
         ),
+        ({"width": "wide"}, "width = 'wide' is not allowed: page or column"),
         ({"kind": "phase", "axes": "q1"}, "axes = 'q1' is not allowed: two of q1, q2, p1, p2, energy_error, t"),
     ],
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import subprocess
 import sys
-from itertools import combinations, pairwise
+from itertools import combinations, pairwise, product
 from xml.etree import ElementTree
 
 import matplotlib as mpl
@@ -20,7 +20,7 @@ from PIL import Image
 
 import nearharmonic as nh
 from nearharmonic.integrators import BENCHMARKED, integrators
-from nearharmonic.plotting.profile import COLUMNS, envelope, has_style
+from nearharmonic.plotting.profile import COLUMNS, envelope, has_style, text_on
 from nearharmonic.plotting.style import (
     Style,
     draw_profile,
@@ -35,6 +35,9 @@ from nearharmonic.plotting.style import (
 )
 from nearharmonic_paper.experiments.exact_oscillator import ExactOscillatorSettings
 from nearharmonic_paper.experiments.stability.figures import ESCAPED_COLOUR, LOST_COLOUR
+from nearharmonic_studies.crystals import results as crystals
+from nearharmonic_studies.crystals.settings import AVERAGED, DRIFTING
+from nearharmonic_studies.samplers import results as samplers
 from support.cubes import figure_cubes as made
 from support.cubes.artists import NO_LINE, SOLID, drawn, look, luminance
 from support.cubes.colour_vision import SEEN, difference, lab, least_difference
@@ -93,12 +96,11 @@ def test_legend_entries_have_styles_and_labels_in_order():
 
 @pytest.mark.parametrize(("methods", "points", "marks"), [(10, 161, 12), (3, 25, 12), (37, 500, 7), (1, 90, 12)])
 def test_markers_of_curves_drawn_together_take_turns(methods, points, marks):
-    every = [mark_every(position, methods, points, marks) for position in range(methods)]
-    places = [range(points)[first::step] for first, step in every]
-    (step,) = {place.step for place in places}
+    places = [mark_every(position, methods, np.ones(points), marks) for position in range(methods)]
+    (step,) = {step for place in places for step in np.diff(place)}
     # About as many as asked for on each curve, the first ones spread evenly over one step.
     assert all(marks <= len(place) + 1 and len(place) <= 2 * marks for place in places)
-    assert [place.start for place in places] == [int(step * i / methods) for i in range(methods)]
+    assert [place[0] for place in places] == [int(step * i / methods) for i in range(methods)]
 
 
 @pytest.mark.parametrize("left", [True, False])
@@ -172,19 +174,39 @@ def test_saving_writes_three_formats_with_the_same_bytes_each_time(tmp_path):
     assert sorted(path.name for path in (tmp_path / "deeper").iterdir()) == sorted(path.name for path in first)
     starts = (b"%PDF", b"<?xml", b"\x89PNG")
     assert [path.read_bytes().startswith(start) for path, start in zip(first, starts, strict=True)] == [True] * 3
-    # Width and height in pixels, big-endian from byte 16 on: 2 x 1.5 inches at 200 dots per inch.
-    assert [int.from_bytes(first[2].read_bytes()[i : i + 4], "big") for i in (16, 20)] == [400, 300]
+    # Width and height in pixels, big-endian from byte 16 on: 2 x 1.5 inches at 300 dots per inch.
+    assert [int.from_bytes(first[2].read_bytes()[i : i + 4], "big") for i in (16, 20)] == [600, 450]
+    # Journals refuse fonts of type 3.
+    fonts = first[0].read_bytes()
+    assert b"/CIDFontType2" in fonts
+    assert b"/Type3" not in fonts
 
 
 def test_png_has_the_pixels_that_matplotlib_draws_and_the_title_in_any_script(tmp_path):
     figure = plain_figure()
-    figure.set_label("Hénon–Heiles: τ")
+    (axes,) = figure.axes
+    axes.contourf([[0.0, 1.0], [1.0, 2.0]])
+    axes.scatter([0.2, 0.9], [1.0, 2.0], s=[30, 90])
+    axes.annotate(r"$\tau/s$", (1.0, 2.0), xytext=(5, 9), textcoords="offset points", bbox={"facecolor": "red"})
+    axes.plot([0, 9], [0, 9], clip_path=mpl.patches.Circle((1, 1), 0.7, transform=axes.transData))
+    figure.set_label("Hénon–Heiles: τ\nA caption.")
     (path,) = save(figure, [tmp_path / "fig.png"])
-    figure.set_dpi(200)
+    figure.set_dpi(300)
     house_style(figure.canvas.draw)()
     with Image.open(path) as read:
-        assert np.array_equal(read, np.asarray(figure.canvas.buffer_rgba())[..., :3])
-        assert (read.info["Title"], *map(round, read.info["dpi"])) == ("Hénon–Heiles", 200, 200)
+        pixels = np.asarray(read).astype(int) - np.asarray(figure.canvas.buffer_rgba())[..., :3]
+        # The layout of the file is in points: edges of letters may move by a part of a pixel.
+        assert (np.abs(pixels).max(axis=-1) > 60).mean() < 0.004
+        assert (read.info["Title"], *map(round, read.info["dpi"])) == ("Hénon–Heiles: τ", 300, 300)
+
+
+def test_figure_with_an_image_is_drawn_for_each_format(tmp_path):
+    figure = new_figure(1, 1)
+    figure.add_axes((0, 0, 1, 1)).imshow([[0, 1], [1, 0]], cmap="gray", interpolation="nearest", aspect="auto")
+    written = save(figure, places(tmp_path / "fig"))
+    with Image.open(written[2]) as read:
+        assert [read.getpixel(place) for place in ((60, 60), (240, 60))] == [(0, 0, 0), (255, 255, 255)]
+    assert b"<image" in written[1].read_bytes()
 
 
 @pytest.mark.parametrize("failing", ["pdf", "svg", "png"])
@@ -193,7 +215,7 @@ def test_figure_that_fails_to_draw_leaves_old_files_in_place(tmp_path, monkeypat
     for suffix in ("pdf", "svg", "png"):
         (tmp_path / f"fig.{suffix}").write_bytes(b"old")
 
-    def savefig(content, *, format, **_):
+    def savefig(figure, content, *, format, **_):
         content.write(b"half of the new")
         if format == failing:
             raise MemoryError
@@ -201,7 +223,7 @@ def test_figure_that_fails_to_draw_leaves_old_files_in_place(tmp_path, monkeypat
     def draw(canvas):
         raise MemoryError
 
-    monkeypatch.setattr(figure, "savefig", savefig)
+    monkeypatch.setattr(Figure, "savefig", savefig)
     monkeypatch.setattr(FigureCanvasAgg, "draw", draw)
     with pytest.raises(MemoryError):
         save(figure, places(tmp_path / "fig"))
@@ -232,16 +254,17 @@ print([m for m in ("matplotlib.pyplot", "xarray", "pandas") if m in sys.modules]
     assert answer.stdout.strip() == "[] True"
 
 
-def test_svg_has_text_as_text_and_says_what_it_shows(tmp_path):
+def test_svg_needs_no_fonts_and_says_what_it_shows(tmp_path):
     figure = new_figure(3, 2)
     figure.subplots().set_title("the third <panel>")
-    figure.set_label("Errors & times: of <all> methods, at each step size.")
+    figure.set_label("Errors & times: at equal cost\nOf <all> methods, at each step size.")
     text = save(figure, [tmp_path / "a.svg"])[0].read_text(encoding="utf-8")
     root = ElementTree.fromstring(text)
     space = "{http://www.w3.org/2000/svg}"
-    assert [one.text for one in root[:2]] == ["Errors & times", "Errors & times: of <all> methods, at each step size."]
+    assert [one.text for one in root[:2]] == ["Errors & times: at equal cost", "Of <all> methods, at each step size."]
     assert [one.tag for one in root[:2]] == [f"{space}title", f"{space}desc"]
-    assert "the third <panel>" in [one.text for one in root.iter(f"{space}text")]
+    assert not [*root.iter(f"{space}text")]
+    assert "font" not in text
 
 
 def fills(svg):
@@ -261,7 +284,9 @@ def test_transparent_svg_has_no_background_and_other_files_keep_theirs(tmp_path)
 def test_energy_error_figure_names_system_and_interval():
     cube = made.errors(["ruth"]).assign_attrs(system_label="test system", settings='{"sweep": {"t_end": "500"}}')
     cube.tau_per_stage.attrs["units"] = "h"
-    assert draw_profile(cube).axes[0].get_title(loc="right") == "test system, $t$ = 500 h"
+    assert draw_profile(cube).axes[0].get_title(loc="right") == r"test system, $t \in [0, 500]$ h"
+    cube.attrs["settings"] = '{"sweep": {"t_end": "87660"}}'
+    assert draw_profile(cube).axes[0].get_title(loc="right") == "test system, ten years"
     assert draw_profile(made.errors(["ruth"])).axes[0].get_title(loc="right") == ""
 
 
@@ -293,8 +318,8 @@ def test_methods_with_one_marker_have_colours_that_all_readers_see():
 
 @pytest.mark.parametrize(
     "names",
-    [[*BENCHMARKED, *EXACT], TRAINED, [*EXACT, *TRAINED_EXACT]],
-    ids=["with the exact oscillator", "trained", "trained with the exact oscillator"],
+    [[*BENCHMARKED, *EXACT], TRAINED, [*EXACT, *TRAINED_EXACT], crystals.DRAWN, [*DRIFTING, *AVERAGED], samplers.DRAWN],
+    ids=["with the exact oscillator", "trained", "trained exactly", "crystals", "long runs", "samplers"],
 )
 def test_methods_drawn_together_have_colours_that_all_readers_see(names):
     found = {
@@ -302,6 +327,13 @@ def test_methods_drawn_together_have_colours_that_all_readers_see(names):
         for one, other in combinations(dict.fromkeys(names), 2)
     }
     assert min(found.values()) >= APART, min(found, key=found.get)
+
+
+def test_text_on_any_colour_has_the_contrast_of_text():
+    # WCAG 2.1, 1.4.3: text needs a contrast of 4.5 to 1.
+    for colour in product((0, 0.25, 0.4, 0.5, 0.6, 0.75, 0.9, 1), repeat=3):
+        dark, light = sorted((luminance(colour), luminance(text_on(np.array(colour)))))
+        assert (light + 0.05) / (dark + 0.05) >= 4.5, colour
 
 
 @pytest.mark.parametrize(("colours", "none"), [("plasma_r", ESCAPED_COLOUR), ("viridis_r", LOST_COLOUR)])

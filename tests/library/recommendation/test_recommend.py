@@ -28,8 +28,8 @@ from nearharmonic.output.table import printed
 from nearharmonic.recommendation import measure as engine
 from nearharmonic.recommendation import recommend as ranks
 from nearharmonic.recommendation.measure import Solver, variables
-from nearharmonic.recommendation.recommend import printed_step, recommendation
-from nearharmonic.recommendation.search import Search, orbits
+from nearharmonic.recommendation.recommend import recommendation, step_text
+from nearharmonic.recommendation.search import Choice, Search, orbits
 from nearharmonic.systems import systems
 from nearharmonic.theory.oscillator import harmonic_energy_error
 from support.methods.own_systems import mode, spring
@@ -422,14 +422,15 @@ def test_plain_sums_never_exceed_bound_that_compensated_ones_meet(steps):
 
 @given(steps=st.integers(1, 10**6), t_end=st.sampled_from(["500", "87660", "20", "0.1", "12345.678"]))
 def test_a_printed_step_gives_the_same_number_of_steps(steps, t_end):
-    text = printed_step(t_end, float(Fraction(t_end) / steps), steps)
+    text = step_text(Choice(method="m", label="M", tau=float(Fraction(t_end) / steps), steps=steps), t_end)
     assert steps_in(t_end, float(text)) == steps
 
 
-def test_printed_step_has_four_digits_or_as_many_as_needed():
-    assert printed_step("500", 500 / 474, 474) == "1.055"
-    assert printed_step("500", 500 / 30001, 30001) == "0.016666"  # 0.01667 would be 29994 steps
-    assert printed_step("500", 500.0, 1) == "500"
+@pytest.mark.parametrize(
+    ("tau", "steps", "text"), [(500 / 474, 474, "1.055"), (500 / 30001, 30001, "0.016666"), (500.0, 1, "500")]
+)  # 0.01667 would be 29994 steps
+def test_printed_step_has_four_digits_or_as_many_as_needed(tau, steps, text):
+    assert step_text(Choice(method="m", label="M", tau=tau, steps=steps), "500") == text
 
 
 #: Methods that are asked beside other libraries.
@@ -504,8 +505,7 @@ def test_other_libraries_are_taken_from_the_timings_that_are_there(results):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("error", "tolerance", "time"),
-    [(1e-5, 1e-3, 1e-9), (1e-6, 1e-9, 2e-9), (2e-9, 1e-9, 2e-9), (2e-12, 1e-9, 2e-9)],
+    ("error", "tolerance", "time"), [(1e-5, 1e-3, 1e-9), (1e-6, 1e-9, 2e-9), (2e-9, 1e-9, 2e-9), (2e-12, 1e-9, 2e-9)]
 )
 def test_other_library_keeps_fastest_setting_that_meets_error(results, error, tolerance, time):
     theirs = choice_of(beside(results, "sho", error), "theirs")

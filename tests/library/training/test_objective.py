@@ -7,19 +7,8 @@ import pytest
 
 import nearharmonic as nh
 from nearharmonic.errors import SettingError
+from nearharmonic.training import objective as goal
 from nearharmonic.training.family import Family
-from nearharmonic.training.objective import (
-    LARGEST_SUM,
-    LEAST,
-    LOST,
-    OUTSIDE,
-    Ensemble,
-    Objective,
-    Population,
-    errors_of,
-    mean_log,
-    tableau_of,
-)
 from nearharmonic_studies.trained.problems import orbit_ensemble, random_ensemble, with_exact_oscillators
 from support.methods.family_members import members
 from support.oracles.plain_runs import (
@@ -39,7 +28,7 @@ STARTS = [(0.1, 0.2, 0.3, -0.1), (0.3, -0.2, 0.1, 0.2), (0.0, 0.1, 0.35, 0.05), 
 def henon_heiles(t_end=10.0, unit=1.0, starts=STARTS):
     start = np.zeros((len(starts), 4, 2))
     start[:, 0], start[:, 2] = np.array(starts)[:, :2], np.array(starts)[:, 2:]
-    return Ensemble(
+    return goal.Ensemble(
         name="orbits", system=nh.systems["henon_heiles"], start=start.reshape(-1, 8), parameters=np.zeros((1, 0)),
         t_end=t_end, unit=unit,
     )  # fmt: skip
@@ -65,7 +54,7 @@ FAMILIES = [
 def test_every_lane_is_the_run_of_a_plain_loop(family):
     rows, taus_per_stage = rows_of(family, 3), (0.05, 0.09)
     ensemble = henon_heiles()
-    population = Population(ensemble, family.shape(), taus_per_stage, 3)
+    population = goal.Population(ensemble, family.shape(), taus_per_stage, 3)
     found = population.errors(rows[0], rows[1], rows[2] if family.squares else None)
     assert found.shape == (3, 2, 4)
     square = henon_heiles_gradient_of_square if family.squares else None
@@ -87,7 +76,7 @@ def test_problems_have_parameters_of_their_own(dimension):
     ensemble = random_ensemble(dimension, 5, 3, band=(0.1, 0.5), t_end=10.0)
     family = Family(stages=4, first="kick")
     kicks, drifts, squares = rows_of(family, 2)
-    found = Population(ensemble, family.shape(), [0.06], 2).errors(kicks, drifts)
+    found = goal.Population(ensemble, family.shape(), [0.06], 2).errors(kicks, drifts)
     steps = round(10 / 0.24)
     for m in range(5):
         values, start = ensemble.parameters[m].reshape(-1, 2)[:, 0], ensemble.start[m].reshape(4, dimension)
@@ -128,7 +117,7 @@ def test_exactly_solved_oscillators_have_the_frequencies_of_each_problem(dimensi
     plain = random_ensemble(dimension, 4, 3, band=(0.1, 0.5), t_end=10.0)
     family = Family(stages=5, first=first)
     kicks, drifts, _ = rows_of(family, 2)
-    found = Population(with_exact_oscillators(plain), family.shape(), [0.05, 0.09], 2).errors(kicks, drifts)
+    found = goal.Population(with_exact_oscillators(plain), family.shape(), [0.05, 0.09], 2).errors(kicks, drifts)
     for m in range(4):
         values, start = plain.parameters[m].reshape(-1, 2)[:, 0], plain.start[m].reshape(4, dimension)
         w = np.sqrt(values[:dimension])
@@ -153,7 +142,7 @@ def test_exactly_solved_oscillators_have_the_frequencies_of_each_problem(dimensi
 def test_modified_kicks_with_exact_oscillators_are_refused():
     ensemble = with_exact_oscillators(random_ensemble(2, 2, 3, band=(0.1, 0.5), t_end=10.0))
     with pytest.raises(SettingError, match="shape = "):
-        Population(ensemble, Family(stages=5, first="drift", squares=(0, 1)).shape(), [0.05], 1)
+        goal.Population(ensemble, Family(stages=5, first="drift", squares=(0, 1)).shape(), [0.05], 1)
 
 
 @pytest.mark.slow
@@ -163,8 +152,8 @@ def test_signed_energies_at_every_step_have_the_largest_error(exact):
     ensemble = with_exact_oscillators(ensemble) if exact else ensemble
     family = Family(stages=5, first="kick")
     rows = rows_of(family, 3)[:2]
-    largest = Population(ensemble, family.shape(), [0.05, 0.1], 3).errors(*rows)
-    signed = Population(ensemble, family.shape(), [0.05, 0.1], 3, samples=100).energies(*rows)
+    largest = goal.Population(ensemble, family.shape(), [0.05, 0.1], 3).errors(*rows)
+    signed = goal.Population(ensemble, family.shape(), [0.05, 0.1], 3, samples=100).energies(*rows)
     assert signed.shape == (3, 2, 4, 40)
     assert (signed[:, 1, :, 20:] == 0).all()
     assert (signed < 0).any()
@@ -176,7 +165,7 @@ def test_signed_energies_at_every_step_have_the_largest_error(exact):
 @pytest.mark.parametrize("name", ["babs7o7h", "srkn_a14", "omelyan_g5o6", "chin_4a"])
 def test_errors_of_a_method_are_those_of_integrate(name):
     tableau = nh.integrators[name]
-    found = errors_of(henon_heiles(t_end=20.0), tableau, [0.05, 0.1])
+    found = goal.errors_of(henon_heiles(t_end=20.0), tableau, [0.05, 0.1])
     for t, each in enumerate((0.05, 0.1)):
         for m, start in enumerate(STARTS):
             run = nh.integrate(
@@ -189,9 +178,9 @@ def test_errors_of_a_method_are_those_of_integrate(name):
 def test_steps_cover_the_interval_at_the_cost_that_is_charged():
     ensemble = henon_heiles(t_end=50.0, unit=2.0)
     shape = Family(stages=5, first="kick").shape()
-    plain = Population(ensemble, shape, [0.02, 0.05, 1e6], 1)
+    plain = goal.Population(ensemble, shape, [0.02, 0.05, 1e6], 1)
     assert plain.steps.tolist() == [250, 100, 1]
-    expensive = Population(ensemble, shape, [0.02, 0.05], 1, cost=8.0)
+    expensive = goal.Population(ensemble, shape, [0.02, 0.05], 1, cost=8.0)
     assert expensive.steps.tolist() == [round(50 / 0.32), round(50 / 0.8)]
     for one in (plain, expensive):
         assert one.taus * one.steps == pytest.approx(50.0, rel=1e-15)
@@ -203,27 +192,27 @@ def test_lost_run_has_error_one_without_effect_on_others(squares):
     family = Family(stages=3, first="drift", squares=squares)
     kicks, drifts, square = rows_of(family, 1)
     ensemble = henon_heiles(t_end=200.0, starts=starts)
-    found = Population(ensemble, family.shape(), [0.1], 1).errors(kicks, drifts, square if squares else None)[0, 0]
-    alone = Population(ensemble.part(np.array([0, 1, 3])), family.shape(), [0.1], 1)
-    assert found[2] == LOST
+    found = goal.Population(ensemble, family.shape(), [0.1], 1).errors(kicks, drifts, square if squares else None)[0, 0]
+    alone = goal.Population(ensemble.part(np.array([0, 1, 3])), family.shape(), [0.1], 1)
+    assert found[2] == goal.LOST
     assert (found[[0, 1, 3]] < 0.1).all()
-    sampled = Population(ensemble, family.shape(), [0.1], 1, samples=9)
+    sampled = goal.Population(ensemble, family.shape(), [0.1], 1, samples=9)
     energies = sampled.energies(kicks, drifts, square if squares else None)[0, 0]
     assert np.isinf(energies[2]).all()
     assert np.isfinite(energies[[0, 1, 3]]).all()
     assert found[[0, 1, 3]].tobytes() == alone.errors(kicks, drifts, square if squares else None)[0, 0].tobytes()
-    unstable = Population(ensemble, family.shape(), [2.0], 1).errors(kicks, drifts, square if squares else None)
-    assert (unstable == LOST).all()
+    unstable = goal.Population(ensemble, family.shape(), [2.0], 1).errors(kicks, drifts, square if squares else None)
+    assert (unstable == goal.LOST).all()
 
 
 def test_invalid_coefficients_lose_only_their_own_runs():
     family = Family(stages=4, first="kick")
     kicks, drifts, _ = rows_of(family, 3)
-    population = Population(henon_heiles(), family.shape(), [0.05], 3)
+    population = goal.Population(henon_heiles(), family.shape(), [0.05], 3)
     alone = population.errors(kicks, drifts)
     kicks[1, 2] = np.nan
     found = population.errors(kicks, drifts)
-    assert (found[1] == LOST).all()
+    assert (found[1] == goal.LOST).all()
     assert found[[0, 2]].tobytes() == alone[[0, 2]].tobytes()
 
 
@@ -231,7 +220,7 @@ def test_invalid_coefficients_lose_only_their_own_runs():
 def test_errors_do_not_depend_on_other_methods_to_last_bit(squares):
     family = Family(stages=5, first="kick", squares=squares)
     rows = [row if squares or i < 2 else None for i, row in enumerate(rows_of(family, 7))]
-    population = Population(henon_heiles(), family.shape(), [0.04, 0.07], 7)
+    population = goal.Population(henon_heiles(), family.shape(), [0.04, 0.07], 7)
     together = population.errors(*rows)
     order = np.random.default_rng(2).permutation(7)
     shuffled = population.errors(*(None if row is None else row[order] for row in rows))
@@ -242,7 +231,7 @@ def test_errors_do_not_depend_on_other_methods_to_last_bit(squares):
 
 
 def test_logarithmic_mean_replaces_unresolved_errors_by_least():
-    assert mean_log(np.array([[1e-4, 1e-6], [0.0, 1.0]])) == pytest.approx([-5, np.log10(LEAST) / 2])
+    assert goal.mean_log(np.array([[1e-4, 1e-6], [0.0, 1.0]])) == pytest.approx([-5, np.log10(goal.LEAST) / 2])
 
 
 # --- The objective of a search: what it compares, what it refuses, and that a member's value is its own.
@@ -256,7 +245,7 @@ REFERENCES = (np.array([-6.0, -5.0]), np.array([-4.0, -3.5]))
 
 
 def objective_of(family, size=20, **more):
-    return Objective(family, ENSEMBLES, WINDOW, REFERENCES, size=size, **more)
+    return goal.Objective(family, ENSEMBLES, WINDOW, REFERENCES, size=size, **more)
 
 
 @pytest.mark.parametrize(
@@ -266,11 +255,11 @@ def test_value_is_worst_difference_and_half_of_mean(family):
     x = members(family, 3)
     found = objective_of(family, charge=0.5)(x)
     for value, one in zip(found, x, strict=True):
-        tableau = tableau_of(family, one, digits=20, name="one", source="here")
+        tableau = goal.tableau_of(family, one, digits=20, name="one", source="here")
         differences = []
         for i, tau in enumerate(WINDOW):
             of_ensembles = [
-                np.log10(np.maximum(errors_of(ensemble, tableau, [tau], 0.5)[0], 1e-16)).mean() - reference[i]
+                np.log10(np.maximum(goal.errors_of(ensemble, tableau, [tau], 0.5)[0], 1e-16)).mean() - reference[i]
                 for ensemble, reference in zip(ENSEMBLES, REFERENCES, strict=True)
             ]
             differences.append(sum(of_ensembles) / 2)
@@ -295,10 +284,10 @@ def test_outside_points_are_worse_than_members_increasing_with_distance():
     outside[3] = 30.0  # too far for as many Newton steps
     outside[4] = 300.0
     found = objective(np.concatenate([outside, x]))
-    assert (found[5:] < OUTSIDE).all()
-    assert (found[:5] >= OUTSIDE).all()
+    assert (found[5:] < goal.OUTSIDE).all()
+    assert (found[:5] >= goal.OUTSIDE).all()
     assert np.isfinite(found).all()
-    assert found[3] <= found[4] <= found[0] == found[1] == found[2] == OUTSIDE + 1
+    assert found[3] <= found[4] <= found[0] == found[1] == found[2] == goal.OUTSIDE + 1
     assert found[5:].tobytes() == objective(x).tobytes()
 
 
@@ -308,10 +297,10 @@ def test_members_with_large_coefficients_are_outside():
     sums = np.array([sum(np.abs(row).sum() for row in family.rows(one)[:2]) for one in x])
     bound = np.sort(sums)[1:3].mean()  # between two members: the sum of one on the bound is rounded to either side
     found = objective_of(family, largest_sum=bound)(x)
-    assert ((found >= OUTSIDE) == (sums >= bound)).all()
+    assert ((found >= goal.OUTSIDE) == (sums >= bound)).all()
     beyond = sums[sums >= bound]
-    assert found[sums >= bound] == pytest.approx(OUTSIDE + 0.01 * beyond, abs=1e-9)
-    assert (sums < LARGEST_SUM).all()
+    assert found[sums >= bound] == pytest.approx(goal.OUTSIDE + 0.01 * beyond, abs=1e-9)
+    assert (sums < goal.LARGEST_SUM).all()
 
 
 def test_every_point_is_a_trial():
@@ -326,6 +315,6 @@ def test_every_point_is_a_trial():
 def test_a_gradient_of_the_square_is_charged():
     tableau, ensemble = nh.modified_integrators["omelyan_g5o6"], ENSEMBLES[0]
     cost = 5 + 0.7 * tableau.gradients
-    free = errors_of(ensemble, tableau, [0.05 * cost / 5])
-    assert errors_of(ensemble, tableau, [0.05], 0.7) == pytest.approx(free, rel=1e-6)
-    assert (errors_of(ensemble, tableau, [0.05]) < free).mean() > 0.8
+    free = goal.errors_of(ensemble, tableau, [0.05 * cost / 5])
+    assert goal.errors_of(ensemble, tableau, [0.05], 0.7) == pytest.approx(free, rel=1e-6)
+    assert (goal.errors_of(ensemble, tableau, [0.05]) < free).mean() > 0.8

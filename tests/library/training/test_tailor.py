@@ -12,22 +12,10 @@ import pytest
 
 import nearharmonic as nh
 from nearharmonic.integrators import load_tableaus
+from nearharmonic.training import tailor
 from nearharmonic.training.family import Family, published
 from nearharmonic.training.objective import Objective, mean_errors
 from nearharmonic.training.question import contenders, orbit_of, question, registered, step_sizes, window_at
-from nearharmonic.training.tailor import (
-    Budget,
-    BudgetSpentError,
-    Gain,
-    NoGainWarning,
-    Rounds,
-    TailorSearch,
-    comparison,
-    ensembles,
-    families,
-    file_text,
-    tailored,
-)
 
 # --- The search: its budget, its best at any time, and the same method from the same seed.
 
@@ -36,7 +24,7 @@ from nearharmonic.training.tailor import (
 def problems():
     """(starts of the search, those of the test, published methods, step sizes, their errors) of a window."""
     asked = question("henon_heiles", window="0.1:0.15")
-    first, second = ensembles(asked, orbit_of(asked.system))
+    first, second = tailor.ensembles(asked, orbit_of(asked.system))
     methods = [one for one in published(registered(asked.system)) if not one.modified]
     taus = step_sizes(asked.window)
     return first, second, methods, taus, mean_errors(first, methods, taus.tolist())
@@ -44,8 +32,8 @@ def problems():
 
 def searched(problems, trials, seed=0, stages=(6,), **more):
     ensemble, _, methods, taus, errors = problems
-    budget = Budget(None, trials)
-    return TailorSearch(
+    budget = tailor.Budget(None, trials)
+    return tailor.TailorSearch(
         ensemble, taus, errors.min(axis=0), methods, stages=stages, quadratic=True, budget=budget, seed=seed, **more
     )
 
@@ -94,7 +82,7 @@ def test_starts_are_published_methods_in_the_order_of_their_objective(problems):
     branches = searched(problems, 10**6, stages=(8,))._branches()
     values = [one.best.value for one in branches]
     assert values == sorted(values)
-    assert max(values) < values[0] + Rounds().far_behind
+    assert max(values) < values[0] + tailor.Rounds().far_behind
     assert {one.start.origin for one in branches} >= {"babps8o7h", "nystrom_6a8", "babs7o7h, grown"}
     several = searched(problems, 10**6, stages=(6, 8, 11))._branches()
     assert [one.best.family.stages for one in several[:3]] != [8, 8, 8]
@@ -102,24 +90,24 @@ def test_starts_are_published_methods_in_the_order_of_their_objective(problems):
 
 
 def test_settings_of_the_rounds_are_those_asked_for(problems):
-    found = searched(problems, 300, rounds=Rounds(most_starts=2, trials=40, around_best=30)).run()
+    found = searched(problems, 300, rounds=tailor.Rounds(most_starts=2, trials=40, around_best=30)).run()
     # Two in the first round, one around the best; the random points behind it spend the budget.
     assert found.searches == 3
-    few = searched(problems, 10**6, stages=(8,), rounds=Rounds(far_behind=0.1))._branches()
+    few = searched(problems, 10**6, stages=(8,), rounds=tailor.Rounds(far_behind=0.1))._branches()
     assert 0 < len(few) < len(searched(problems, 10**6, stages=(8,))._branches())
 
 
 def test_a_budget_in_time_ends_by_itself():
     shown = []
-    budget = Budget(1e-3, None, lambda part, best: shown.append((part, best)))
-    with pytest.raises(BudgetSpentError):
+    budget = tailor.Budget(1e-3, None, lambda part, best: shown.append((part, best)))
+    with pytest.raises(tailor.BudgetSpentError):
         list(iter(partial(budget.spend, 10, -0.5), False))
     assert shown[-1] == (1.0, -0.5)
     assert budget.trials == 10 * len(shown)
 
 
 def test_families_have_free_coefficients_and_need_quadratic_T_if_stated():
-    plain, quadratic = families((4, 8), quadratic=False), families((4, 8), quadratic=True)
+    plain, quadratic = tailor.families((4, 8), quadratic=False), tailor.families((4, 8), quadratic=True)
     assert {one.order for one in plain} == {4}
     assert {one.order for one in quadratic} == {4, 6}
     for one in quadratic:
@@ -166,7 +154,7 @@ METHODS = tuple(nh.integrators[name] for name in ("babps8o7h", "babs7o7h", "ruth
 @pytest.fixture(scope="module")
 def held_out():
     asked = question("henon_heiles", window="0.1:0.15", energy="same")
-    return ensembles(asked, orbit_of(asked.system))[1]
+    return tailor.ensembles(asked, orbit_of(asked.system))[1]
 
 
 def errors(ensemble, method, tau):
@@ -181,7 +169,7 @@ def errors(ensemble, method, tau):
 
 def test_gains_are_those_of_runs_at_equal_cost(held_out):
     taus = np.array([0.1, 0.15])
-    found = comparison(nh.integrators["nystrom_6a8"], METHODS, held_out, taus, seed=0)
+    found = tailor.comparison(nh.integrators["nystrom_6a8"], METHODS, held_out, taus, seed=0)
     for i, tau in enumerate(taus):
         own = np.log10(errors(held_out, nh.integrators["nystrom_6a8"], tau))
         others = [np.log10(errors(held_out, one, tau)) for one in METHODS]
@@ -199,7 +187,7 @@ def test_best_of_all_is_best_over_all_step_sizes(held_out, taus):
     """One is ahead at small steps, others at large ones; the second of the two sets has more of these."""
     methods = [nh.integrators[name] for name in ("leapfrog", "babps8o7h", "babs7o7h")]
     means = np.array([[np.log10(np.minimum(errors(held_out, one, t), 1)).mean() for t in taus] for one in methods])
-    found = comparison(nh.integrators["ruth"], methods, held_out, np.array(taus), seed=0)
+    found = tailor.comparison(nh.integrators["ruth"], methods, held_out, np.array(taus), seed=0)
     assert found.best == tuple(methods[i].name for i in means.argmin(axis=0))
     assert found.best[0] != found.best[-1]
     assert found.overall is methods[means.mean(axis=1).argmin()]
@@ -209,7 +197,7 @@ def test_errors_of_all_starts_are_relative_to_one_energy(held_out):
     """That of the given start, 1/8; a system that declares an energy scale has that in its place."""
     assert held_out.scale == pytest.approx(0.125, rel=1e-15)
     plain, halved = (
-        comparison(METHODS[0], METHODS[1:], one, np.array([0.12]), seed=0)
+        tailor.comparison(METHODS[0], METHODS[1:], one, np.array([0.12]), seed=0)
         for one in (held_out, replace(held_out, scale=0.25))
     )
     assert halved.error == pytest.approx(plain.error / 2, rel=1e-12)
@@ -219,7 +207,7 @@ def test_errors_of_all_starts_are_relative_to_one_energy(held_out):
 
 def test_the_interval_is_the_bootstrap_of_scipy(held_out):
     stats = pytest.importorskip("scipy.stats")
-    found = comparison(nh.integrators["nystrom_6a8"], METHODS[:1], held_out, np.array([0.12]), seed=0).gain
+    found = tailor.comparison(nh.integrators["nystrom_6a8"], METHODS[:1], held_out, np.array([0.12]), seed=0).gain
     won = np.log10(errors(held_out, METHODS[0], 0.12)) - np.log10(errors(held_out, nh.integrators["nystrom_6a8"], 0.12))
     interval = stats.bootstrap((won,), np.mean, method="percentile", n_resamples=20000, rng=0).confidence_interval
     # of 2000 resamples: the ends of an interval are sure to about a tenth of the standard error
@@ -229,19 +217,19 @@ def test_the_interval_is_the_bootstrap_of_scipy(held_out):
 
 
 def test_what_may_be_a_loss_is_no_gain():
-    assert Gain(mean=0.2, low=0.01, high=0.4).is_one
-    assert not Gain(mean=0.2, low=-0.01, high=0.4).is_one
+    assert tailor.Gain(mean=0.2, low=0.01, high=0.4).is_one
+    assert not tailor.Gain(mean=0.2, low=-0.01, high=0.4).is_one
 
 
 def test_without_gain_registered_method_comes_back_with_warning():
-    with pytest.warns(NoGainWarning, match="no gain over registered methods .*; this is trained_fine"):
+    with pytest.warns(tailor.NoGainWarning, match="no gain over registered methods .*; this is trained_fine"):
         found = nh.tailor("henon_heiles", stages=5, window=(0.08, 0.12), trials=20)
     assert found is nh.integrators["trained_fine"]
 
 
 @pytest.mark.slow
 def test_test_uses_longer_runs_from_starts_outside_search():
-    found = tailored(question("sho", window=(0.1, 0.2), trials=20, energy="same"))
+    found = tailor.tailored(question("sho", window=(0.1, 0.2), trials=20, energy="same"))
     assert not {*map(tuple, found.ensemble.start)} & {*map(tuple, found.held_out.start)}
     assert found.held_out.t_end > 1.9 * found.ensemble.t_end  # a run has 24 steps at least
     for starts, compared in ((found.ensemble, found.training), (found.held_out, found.test)):
@@ -251,7 +239,7 @@ def test_test_uses_longer_runs_from_starts_outside_search():
 
 @pytest.mark.slow
 def test_registered_methods_that_fit_are_compared_and_other_authors_apart():
-    found = tailored(question("sho", window=(0.1, 0.2), trials=20))
+    found = tailor.tailored(question("sho", window=(0.1, 0.2), trials=20))
     means = {
         name: np.log10(errors(found.held_out, one, 0.1)).mean()
         for name, one in nh.integrators.items()
@@ -261,7 +249,7 @@ def test_registered_methods_that_fit_are_compared_and_other_authors_apart():
     ours = ("nearharmonic_2026", "nearharmonic_2026_modified", "trained", "trained_polynomial")
     others = {name: error for name, error in means.items() if nh.integrators.module_of(name).split(".")[-1] not in ours}
     assert found.published.best[0] == min(others, key=others.get)
-    free = tailored(question("relativistic_oscillator", window=(0.1, 0.2), trials=20))
+    free = tailor.tailored(question("relativistic_oscillator", window=(0.1, 0.2), trials=20))
     assert not any(nh.integrators[name].requires for name in free.test.best)
 
 
@@ -271,7 +259,7 @@ def test_registered_methods_that_fit_are_compared_and_other_authors_apart():
 @pytest.mark.parametrize("name", ["babps8o7h", "srkn_b11", "babs7o7h", "abas5o6h"])
 def test_file_returns_every_digit_of_odd_and_even_rows(name, tmp_path):
     given = replace(nh.integrators[name], note="for a test", benchmarked=False, generalised_order=None)
-    (tmp_path / "mine.py").write_text(file_text(given, "mine"), encoding="utf-8")
+    (tmp_path / "mine.py").write_text(tailor.file_text(given, "mine"), encoding="utf-8")
     (found,) = load_tableaus(tmp_path / "mine.py").values()
     assert found.name == "mine"
     for key in ("kick", "drift"):
@@ -283,6 +271,6 @@ def test_file_returns_every_digit_of_odd_and_even_rows(name, tmp_path):
 @pytest.mark.parametrize("text", ['a "b" \\ c', '"""', "it's\nnew", "ü \\N{x} " * 30, "\\"])
 def test_texts_with_quotes_and_backslashes_do_no_harm(text, tmp_path):
     given = replace(nh.integrators["babs7o7h"], label=text, source=text, note=text)
-    (tmp_path / "mine.py").write_text(file_text(given, "mine"), encoding="utf-8")
+    (tmp_path / "mine.py").write_text(tailor.file_text(given, "mine"), encoding="utf-8")
     (found,) = load_tableaus(tmp_path / "mine.py").values()
     assert (found.label, found.source, found.note) == (text, text, text)

@@ -9,26 +9,15 @@ import pytest
 
 import nearharmonic as nh
 from nearharmonic.theory.order import order_of
+from nearharmonic.training import search as searching
 from nearharmonic.training.family import Family
 from nearharmonic.training.objective import OUTSIDE, Objective, tableau_of
-from nearharmonic.training.search import (
-    Descent,
-    Effort,
-    Found,
-    Pursuit,
-    Searcher,
-    Start,
-    descend,
-    random_members,
-    search,
-    starts_in,
-)
 from nearharmonic_studies.trained.problems import random_ensemble, with_exact_oscillators
 from support.methods.family_members import members
 
 # --- The search: where it begins, what it finds, and that one seed gives one result.
 
-EFFORT = Effort(trials=100, random=2, refinements=1)
+EFFORT = searching.Effort(trials=100, random=2, refinements=1)
 FAMILY = Family(stages=6, first="kick")
 
 
@@ -56,7 +45,7 @@ class Distance:
 
 
 def found(value, unknowns, family=FAMILY):
-    return Found(family=family, value=value, unknowns=np.array(unknowns), origin="here", trials=1)
+    return searching.Found(family=family, value=value, unknowns=np.array(unknowns), origin="here", trials=1)
 
 
 def names(starts):
@@ -67,7 +56,7 @@ def test_methods_of_equal_shape_start_and_shorter_ones_are_extended():
     # In turn: too many stages, two that fit, the other role, a stage less, both wrong, not symmetric.
     all_names = "babs7o7h babs6o7h srkn_b6 abas5o6h mclachlan_s5 aba864 mclachlan_atela_5"
     known = [nh.integrators[name] for name in all_names.split()]
-    starts = list(starts_in(FAMILY, known, [], replace(EFFORT, random=3)))
+    starts = list(searching.starts_in(FAMILY, known, [], replace(EFFORT, random=3)))
     assert names(starts) == ["babs6o7h"] * 2 + ["srkn_b6"] * 2 + ["mclachlan_s5, grown"] + ["random"] * 3
     assert [start.spread for start in starts[:4]] == [0.01, 0.003] * 2
     for start in starts[:5]:
@@ -89,12 +78,12 @@ def test_best_shorter_method_is_extended_only_in_its_family():
         found(-9.0, x, replace(smaller, harmonic_order=5)),
         found(-9.0, x, replace(smaller, first="drift")),
     ]
-    starts = list(starts_in(FAMILY, [], before, replace(EFFORT, random=0)))
+    starts = list(searching.starts_in(FAMILY, [], before, replace(EFFORT, random=0)))
     assert names(starts) == ["grown"] * 3
     assert [start.spread for start in starts] == [0.003, 0.01, 0.03]
     for start in starts:
         assert start.point == pytest.approx(smaller.grown(x)[1])
-    assert list(starts_in(FAMILY, [], [], replace(EFFORT, random=0))) == []
+    assert list(searching.starts_in(FAMILY, [], [], replace(EFFORT, random=0))) == []
 
 
 def test_methods_with_squares_start_families_with_these_squares():
@@ -102,9 +91,9 @@ def test_methods_with_squares_start_families_with_these_squares():
     no_random = replace(EFFORT, random=0)
     for squares, wanted in (((), False), ((0, 1, 2), True), ((0, 1), False)):
         family = Family(stages=5, first=known[0].first, squares=squares)
-        assert ("omelyan_g5o6" in names(starts_in(family, known, [], no_random))) == wanted
+        assert ("omelyan_g5o6" in names(searching.starts_in(family, known, [], no_random))) == wanted
     family = Family(stages=5, first="kick", squares=(0, 1, 2))
-    start = next(s for s in starts_in(family, known, [], no_random) if s.origin == "mclachlan_s5")
+    start = next(s for s in searching.starts_in(family, known, [], no_random) if s.origin == "mclachlan_s5")
     assert start.point[4:].tolist() == [0.0, 0.0, 0.0]
 
 
@@ -114,7 +103,9 @@ def test_descent_finds_minimum_and_returns_member_that_has_it(family):
     target = members(family, 1)[0]
     objective = Distance(family, target)
     near = target + 0.02 * np.random.default_rng(1).normal(size=family.unknowns)
-    value, x = descend(objective, Start(origin="near", point=near, spread=0.01), replace(EFFORT, trials=2000), 5)
+    value, x = searching.descend(
+        objective, searching.Start(origin="near", point=near, spread=0.01), replace(EFFORT, trials=2000), 5
+    )
     assert value < -8
     assert np.abs(x - target).max() < 1e-4
     assert family.project(x[None])[1][0]
@@ -124,8 +115,8 @@ def test_descent_finds_minimum_and_returns_member_that_has_it(family):
 @pytest.mark.slow
 def test_a_search_finds_again_what_it_found_and_counts_it():
     objective = Distance(FAMILY, members(FAMILY, 1)[0])
-    starts = [Start(origin=str(i), point=objective.target + 0.01 * (i + 1), spread=0.01) for i in range(3)]
-    findings = search(objective, iter(starts), Effort(trials=1500, random=0, refinements=2), 1)
+    starts = [searching.Start(origin=str(i), point=objective.target + 0.01 * (i + 1), spread=0.01) for i in range(3)]
+    findings = searching.search(objective, iter(starts), searching.Effort(trials=1500, random=0, refinements=2), 1)
     assert [one.origin for one in findings.found] == ["0", "1", "2", "refined", "refined"]
     assert findings.trials == objective.trials == sum(one.trials for one in findings.found)
     assert findings.best.value == min(one.value for one in findings.found)
@@ -138,9 +129,9 @@ def test_a_search_finds_again_what_it_found_and_counts_it():
 def test_screened_starts_continue_if_short_descents_end_near_best():
     objective = Distance(FAMILY, members(FAMILY, 1)[0])
     offsets = {"near": 0.01, "far": 0.3, "nearer": 0.005}
-    starts = [Start(origin=name, point=objective.target + x, spread=0.003) for name, x in offsets.items()]
-    effort = Effort(trials=400, screened=4, behind=2.0)
-    findings = search(objective, iter(starts), effort, 1)
+    starts = [searching.Start(origin=name, point=objective.target + x, spread=0.003) for name, x in offsets.items()]
+    effort = searching.Effort(trials=400, screened=4, behind=2.0)
+    findings = searching.search(objective, iter(starts), effort, 1)
     assert names(findings.found) == ["near", "nearer"]
     ((share, part),) = objective.parts
     assert share == 4
@@ -151,7 +142,7 @@ def test_screened_starts_continue_if_short_descents_end_near_best():
 
 
 def test_centres_of_refinements_are_different_members_in_turns():
-    findings = Searcher(Effort(trials=1, bases=2), 1)
+    findings = searching.Searcher(searching.Effort(trials=1, bases=2), 1)
     findings.found = [
         found(-1.0, [0.1, 0.2]),
         found(-0.99, [0.11, 0.2]),
@@ -159,11 +150,11 @@ def test_centres_of_refinements_are_different_members_in_turns():
         found(-0.1, [0.5, 0.2]),
     ]
     assert [findings.centre(turn).value for turn in range(4)] == [-1.0, -0.5, -1.0, -0.5]
-    assert Searcher(Effort(trials=1), 1).effort.bases == 1
+    assert searching.Searcher(searching.Effort(trials=1), 1).effort.bases == 1
 
 
 def test_equal_minimum_elsewhere_and_worse_one_here_are_different():
-    findings = Searcher(EFFORT, 1)
+    findings = searching.Searcher(EFFORT, 1)
     findings.found = [
         found(-1.0, [0.1, 0.2]),
         found(-0.99, [0.11, 0.19]),
@@ -182,8 +173,8 @@ def test_one_seed_gives_the_same_bits_and_another_seed_others():
     target = members(FAMILY, 1)[0]
 
     def run(seed):
-        starts = starts_in(FAMILY, [nh.integrators["babs6o7h"]], [], EFFORT)
-        return search(Distance(FAMILY, target), starts, EFFORT, seed)
+        starts = searching.starts_in(FAMILY, [nh.integrators["babs6o7h"]], [], EFFORT)
+        return searching.search(Distance(FAMILY, target), starts, EFFORT, seed)
 
     one, again, other = run(1), run(1), run(2)
     assert [a.unknowns.tobytes() for a in one.found] == [b.unknowns.tobytes() for b in again.found]
@@ -212,7 +203,7 @@ def test_descent_ends_at_minima_of_scans_along_members(first, exact):
     family = Family(stages=7, first=first)  # six unknowns, two conditions
     objective = objective_of(family, tuple(map(with_exact_oscillators, ENSEMBLES)) if exact else ENSEMBLES)
     starts = members(family, 3)
-    ends = np.array([Descent(objective).minimise(start, 1000, 1e-4) for start in starts])
+    ends = np.array([searching.Descent(objective).minimise(start, 1000, 1e-4) for start in starts])
     at_ends = objective(ends)
     assert (objective(starts) - at_ends).min() > 0.3
     for end, value in zip(ends, at_ends, strict=True):
@@ -237,12 +228,12 @@ def test_part_of_objective_has_its_first_problems_at_same_cost():
 def test_trials_of_a_descent_are_counted_and_bounded():
     family = Family(stages=7, first="drift")
     objective, start = objective_of(family), members(family, 1)[0]
-    found = [Descent(objective).minimise(start, trials, 0.0) for trials in (0, 30, 100)]
+    found = [searching.Descent(objective).minimise(start, trials, 0.0) for trials in (0, 30, 100)]
     assert found[0].tobytes() == family.project(start[None])[0][0].tobytes()
     values = objective(np.array(found))
     assert values[2] < values[1] < values[0]
     before = objective.trials
-    descent = Descent(objective)
+    descent = searching.Descent(objective)
     descent.minimise(start, 100, 0.0)
     assert 100 <= objective.trials - before < 100 + 2 * descent.size
 
@@ -250,12 +241,12 @@ def test_trials_of_a_descent_are_counted_and_bounded():
 def test_start_outside_and_family_of_one_member_stay():
     only = Family(stages=3, first="kick")  # two unknowns, two conditions
     member = members(only, 1)[0]
-    assert Descent(objective_of(only)).minimise(member, 100, 1e-3) == pytest.approx(member, abs=1e-12)
+    assert searching.Descent(objective_of(only)).minimise(member, 100, 1e-3) == pytest.approx(member, abs=1e-12)
     family = Family(stages=6, first="kick")
     objective = objective_of(family)
     for far in (300.0, np.nan):
-        start = Start(origin="far", point=np.full(family.unknowns, far), spread=0.01)
-        value, _ = descend(objective, start, Effort(trials=50, descent="gauss_newton"), 1)
+        start = searching.Start(origin="far", point=np.full(family.unknowns, far), spread=0.01)
+        value, _ = searching.descend(objective, start, searching.Effort(trials=50, descent="gauss_newton"), 1)
         assert value >= OUTSIDE
 
 
@@ -263,7 +254,7 @@ def test_bound_of_the_coefficients_holds_on_the_way():
     family = Family(stages=7, first="drift")
     start = members(family, 1)[0]
     total = sum(np.abs(row).sum() for row in family.rows(start)[:2])
-    end = Descent(objective_of(family, largest_sum=total + 0.01)).minimise(start, 200, 1e-3)
+    end = searching.Descent(objective_of(family, largest_sum=total + 0.01)).minimise(start, 200, 1e-3)
     assert sum(np.abs(row).sum() for row in family.rows(end)[:2]) < total + 0.01
 
 
@@ -274,8 +265,10 @@ CURVED = Family(stages=9, first="drift", harmonic_order=6)
 
 
 def descended(objective, point, descent, trials, spread=0.02, **effort):
-    start = Start(origin="here", point=point, spread=spread)
-    return descend(objective, start, Effort(trials=trials, descent=descent, small_value=1e-12, **effort), 3)
+    start = searching.Start(origin="here", point=point, spread=spread)
+    return searching.descend(
+        objective, start, searching.Effort(trials=trials, descent=descent, small_value=1e-12, **effort), 3
+    )
 
 
 @pytest.mark.slow
@@ -311,8 +304,8 @@ def test_family_without_freedom_returns_the_projected_start():
 
 
 def test_it_is_refined_around_the_best_itself():
-    best = Found(family=CURVED, value=0.0, unknowns=members(CURVED, 1)[0], origin="here", trials=1)
-    start = Searcher(Effort(trials=1, descent="tangent_evolution"), 1).near(best, 0, "refined")
+    best = searching.Found(family=CURVED, value=0.0, unknowns=members(CURVED, 1)[0], origin="here", trials=1)
+    start = searching.Searcher(searching.Effort(trials=1, descent="tangent_evolution"), 1).near(best, 0, "refined")
     assert np.array_equal(start.point, best.unknowns)
 
 
@@ -323,7 +316,7 @@ ISOLATED = Family(stages=6, first="kick", order=6, potential_degree=3)
 
 
 def found_members(family, count, seed=1, **settings):
-    return random_members(family, count, np.random.default_rng(seed), Pursuit(**settings))
+    return searching.random_members(family, count, np.random.default_rng(seed), searching.Pursuit(**settings))
 
 
 def proved(family, x):
@@ -356,10 +349,10 @@ def test_random_points_without_a_member_give_none():
 
 @pytest.mark.slow
 def test_search_begins_at_the_best_members():
-    effort, every = Effort(trials=40, members=1500, member_starts=2), np.random.default_rng([3, 2])
-    every, origin = random_members(ISOLATED, 1500, every), np.zeros(5)
-    searcher = search(Distance(ISOLATED, origin, plain=True), iter(()), effort, 3)
+    effort, every = searching.Effort(trials=40, members=1500, member_starts=2), np.random.default_rng([3, 2])
+    every, origin = searching.random_members(ISOLATED, 1500, every), np.zeros(5)
+    searcher = searching.search(Distance(ISOLATED, origin, plain=True), iter(()), effort, 3)
     assert [one.origin for one in searcher.found] == ["random member"] * 2
     # The members are isolated, so that a descent stays at its start.
     assert searcher.best.value == pytest.approx(np.linalg.norm(every, axis=1).min(), rel=1e-6)
-    assert not search(Distance(ISOLATED, origin), iter(()), replace(effort, members=0), 3).found
+    assert not searching.search(Distance(ISOLATED, origin), iter(()), replace(effort, members=0), 3).found

@@ -53,11 +53,7 @@ def test_faults_as_json_and_csv_hold_file_fault_and_mend(results, capsys):
     told = json.loads(capsys.readouterr().out)
     assert told["result"] == "results/paper"
     assert told["faults"] == [
-        {
-            "file": "cubes/sho_terms.h5",
-            "fault": "is missing",
-            "mend": f"Make it again: snakemake -j2 --force {CUBE}",
-        }
+        {"file": "cubes/sho_terms.h5", "fault": "is missing", "mend": f"Make it again: snakemake -j2 --force {CUBE}"}
     ]
     assert main(["verify", "paper", "--format", "csv"]) == 1
     assert capsys.readouterr().out.splitlines()[0] == "file,fault,mend"

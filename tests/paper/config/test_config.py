@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import re
 from decimal import Decimal
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ from snakemake.cli import parse_config
 
 from nearharmonic.errors import NearharmonicError
 from nearharmonic_paper.config import key_table, load, read, schema, warn_of_name
+from support.bad_input import with_key
 
 ROOT = Path(__file__).parents[3]
 SCHEMA = schema()
@@ -26,30 +28,14 @@ SMALL = {
     },
 }
 GRID = "systems.sho.tau_per_stage"
-
-
-def changed(key, value):
-    """SMALL with the dotted ``key`` set to ``value``."""
-    config = copy.deepcopy(SMALL)
-    *above, last = key.split(".")
-    place = config
-    for step in above:
-        place = place[step]
-    place[last] = value
-    return config
+changed = partial(with_key, SMALL)
 
 
 def test_keys_that_are_not_given_have_their_defaults():
     config = load(SMALL)
     sho, kepler = config.sweeps
-    assert (sho.t_end, sho.precision, sho.summation, sho.samples, sho.shards) == (
-        "500",
-        ("double",),
-        "compensated",
-        500,
-        1,
-    )
-    assert kepler.t_end == "8766"
+    assert (sho.t_end, sho.precision, sho.summation) == ("500", ("double",), "compensated")
+    assert (sho.samples, sho.shards, kepler.t_end) == (500, 1, "8766")
     assert config.decomposed == config.integrators == ("ruth", "aba864")
 
 
@@ -62,22 +48,6 @@ def test_a_config_is_left_as_it_was_given():
 def test_decimal_strings_are_numbers_for_yaml_misreads_1e_4():
     assert yaml.safe_load("1e-2") == "1e-2"
     assert load(changed(f"{GRID}.lowest", "1e-2")) == load(SMALL)
-
-
-@pytest.mark.parametrize(
-    ("key", "value", "says"),
-    [
-        ("integrators", ["ruth", "forest_ruth"], "each integrator named once"),
-        ("integrators", ["ruth", 3], "integrators[1] = 3 is not allowed: the name of an integrator"),
-        ("integrators", ["rut"], "integrators: unknown integrator 'rut'. Did you mean 'ruth'? Nearest of "),
-        ("background", "none", "background = 'none' is not allowed: one of white, transparent"),
-        ("samples", 10**7, "samples = 10000000 is not allowed: a job would hold 5.6e+08 bytes"),
-        ("samples", "10.5", "samples = '10.5' is not allowed: an integer from 0"),
-    ],
-)
-def test_bad_value_error_names_key_value_and_allowed_values(key, value, says):
-    with pytest.raises(NearharmonicError, match=re.escape(says)):
-        load(changed(key, value))
 
 
 def test_of_two_faults_one_nearer_to_top_is_told():
@@ -130,15 +100,6 @@ def test_numbers_may_be_given_as_text_as_on_command_line():
 
 def test_a_whole_number_may_be_written_with_a_point():
     assert load(SMALL | {"samples": 10.0}).samples == 10
-
-
-def test_duplicate_key_is_refused_with_both_lines(tmp_path):
-    path = tmp_path / "twice.yaml"
-    path.write_text("name: small\nsystems:\n  sho:\n    t_end: 5\n    t_end: 50\n")
-    with pytest.raises(NearharmonicError, match=r"twice\.yaml: the key 't_end' is in lines 4 and 5$"):
-        read(path)
-    path.write_text(yaml.safe_dump(SMALL))
-    assert read(path) == load(SMALL)
 
 
 @pytest.mark.parametrize(

@@ -331,12 +331,6 @@ def test_registered_system_is_unchanged_under_its_own_name(key):
         load(under("kepler", **{key: value}))
 
 
-@pytest.mark.parametrize("key", [3, None, True])
-def test_a_key_that_is_no_text_is_refused(key):
-    with refused(f"a key of systems = {key}"):
-        load(under(key, file="quartic_well.py"))
-
-
 @pytest.mark.parametrize("key", ["two words", "q-0", "1st", "class", "größe", "a" * 61])
 def test_a_name_that_is_no_identifier_is_refused(key):
     with refused(f"systems.{key} = {key!r} is not allowed: a letter, then letters, digits and '_'"):

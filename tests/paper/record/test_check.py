@@ -149,10 +149,7 @@ def undescribed(contents):
             lambda contents: [*contents, ("tables/more.csv", b"1\n")],
             ["tables/more.csv in little.zip is not described in ro-crate-metadata.json"],
         ),
-        (
-            lambda contents: [*contents, ("LICENSE", b"none")],
-            ["LICENSE is in the archive 2 times"],
-        ),
+        (lambda contents: [*contents, ("LICENSE", b"none")], ["LICENSE is in the archive 2 times"]),
     ],
     ids=[
         "changed",

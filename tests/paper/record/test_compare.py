@@ -13,12 +13,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from nearharmonic.errors import ResultFileError
-from nearharmonic_paper.record.compare import (
-    array_difference,
-    dataset_differences,
-    relative_differences,
-    table_differences,
-)
+from nearharmonic_paper.record import compare
 from nearharmonic_paper.record.manifest import Texts
 
 NUMBERS = st.floats(allow_nan=True, allow_infinity=True, allow_subnormal=True)
@@ -38,7 +33,7 @@ def exact(a, b):
 @given(NUMBERS, NUMBERS)
 @example(1.7e308, -1.7e308)
 def test_relative_difference_is_exact_and_zero_only_for_equal_numbers(a, b):
-    (found,) = relative_differences(np.array([a]), np.array([b])).tolist()
+    (found,) = compare.relative_differences(np.array([a]), np.array([b])).tolist()
     # Three roundings, of a - b, of the quotient and of the doubling; halves of subnormal numbers lose a bit.
     tiny = max(abs(a), abs(b)) < 1e-300
     assert found == pytest.approx(exact(a, b), rel=1 if tiny else 1e-15)
@@ -47,21 +42,21 @@ def test_relative_difference_is_exact_and_zero_only_for_equal_numbers(a, b):
 
 def test_whole_numbers_beyond_doubles_are_told_apart():
     a, b = np.array([2**60, 5]), np.array([2**60 + 1, 5])
-    assert (relative_differences(a, b) > 0).tolist() == [True, False]
+    assert (compare.relative_differences(a, b) > 0).tolist() == [True, False]
 
 
 def test_largest_difference_is_reported_with_place_and_count():
     a = np.array([[1.0, np.nan, 3.0], [4.0, np.inf, 0.0]])
     b = np.array([[1.0, np.nan, 3.3], [8.0, np.inf, 0.0]])
-    found = array_difference("x", a, b, [("method", ["p", "q"]), ("tau", [0.1, 0.2, 0.3])], unit="h")
+    found = compare.array_difference("x", a, b, [("method", ["p", "q"]), ("tau", [0.1, 0.2, 0.3])], unit="h")
     assert (found.kind, found.a, found.b, found.relative) == ("number", 4.0, 8.0, 0.5)
     assert dict(found.at) == {"method": "q", "tau": 0.1}
     assert (found.differ, found.compared, found.unit) == (2, 6, "h")
-    assert array_difference("x", a, a.copy(), []) is None
+    assert compare.array_difference("x", a, a.copy(), []) is None
 
 
 def test_nan_beside_number_is_largest_difference_of_all():
-    found = array_difference("x", np.array([1.0, np.nan]), np.array([2.0, 5.0]), [("tau", [1, 2])])
+    found = compare.array_difference("x", np.array([1.0, np.nan]), np.array([2.0, 5.0]), [("tau", [1, 2])])
     assert (found.relative, found.b, dict(found.at)) == (math.inf, 5.0, {"tau": 2})
 
 
@@ -77,7 +72,7 @@ def dataset(methods, taus, offset=0.0, **more):
 
 
 def told(a, b, leave_out=()):
-    return list(dataset_differences("cube.h5", a, b, leave_out))
+    return list(compare.dataset_differences("cube.h5", a, b, leave_out))
 
 
 def test_values_are_compared_on_common_coordinates_in_any_order():
@@ -133,7 +128,7 @@ def tables(tmp_path, a, b, leave_out=()):
     for folder, text in zip(folders, (a, b), strict=True):
         folder.mkdir(exist_ok=True)
         (folder / "t.csv").write_text(text)
-    return list(table_differences("t.csv", *map(Texts, folders), leave_out))
+    return list(compare.table_differences("t.csv", *map(Texts, folders), leave_out))
 
 
 def test_column_of_table_is_compared_with_all_its_digits(tmp_path):
@@ -185,4 +180,4 @@ def test_a_file_that_is_no_table_is_named(tmp_path, text):
         (tmp_path / name).mkdir()
         (tmp_path / name / "t.csv").write_bytes(content)
     with pytest.raises(ResultFileError, match=re.escape(f"{tmp_path}/a/t.csv ")):
-        list(table_differences("t.csv", Texts(tmp_path / "a"), Texts(tmp_path / "b"), ()))
+        list(compare.table_differences("t.csv", Texts(tmp_path / "a"), Texts(tmp_path / "b"), ()))

@@ -93,12 +93,6 @@ def test_a_run_beside_this_one_is_left_alone(tmp_path):
     assert history.runs_of(tmp_path) == []
 
 
-def test_later_process_with_number_of_killed_one_is_another(tmp_path):
-    this = psutil.Process()
-    leave_marker(tmp_path, "old", {"host": platform.node(), "number": this.pid, "created": this.create_time() - 86_400})
-    assert history.close_killed(tmp_path) == ["old"]
-
-
 def test_a_run_on_another_machine_is_left_alone(tmp_path):
     leave_marker(tmp_path, "far", {**a_dead_process(), "host": "elsewhere"})
     assert history.close_killed(tmp_path) == []
@@ -116,8 +110,12 @@ def test_a_line_that_is_no_run_is_shown_as_damaged(tmp_path, line):
     assert faults(tmp_path) == [2]
 
 
-@pytest.mark.parametrize("process", [{}, {"number": "x"}, {"number": 1}])
-def test_marker_that_names_no_process_is_of_killed_run(tmp_path, process):
+#: A later process has the number of the killed one.
+LATER = {"number": psutil.Process().pid, "created": psutil.Process().create_time() - 86_400}
+
+
+@pytest.mark.parametrize("process", [{}, {"number": "x"}, {"number": 1}, LATER], ids=["none", "odd", "part", "later"])
+def test_marker_that_names_no_live_process_is_of_killed_run(tmp_path, process):
     leave_marker(tmp_path, "old", {"host": platform.node(), **process})
     assert history.close_killed(tmp_path) == ["old"]
 

@@ -50,8 +50,37 @@ HELPERS = """() => {
 window.plots = () => Bokeh.documents.flatMap((one) => one.roots());
 window.plotOf = (id) => plots().find((plot) => plot.name === id);
 window.viewOf = (id) => Bokeh.index.get_one(plotOf(id));
-window.drawnBy = (method) => plots()
-  .map((plot) => [plot.name, plot.renderers.filter((one) => one.tags.includes(method)).map((one) => one.visible)]);
+const drawn = (figure) => plots().filter((plot) => plot.name.startsWith(`${figure}-panel`))
+  .flatMap((plot) => plot.renderers).filter((one) => one.tags.length);
+window.visibleIn = (figure) => [...new Set(drawn(figure).filter((one) => one.visible).map((one) => one.tags[0]))];
+window.opacitiesIn = (figure) => {
+  const found = {};
+  for (const { tags: [method], glyph } of drawn(figure))
+    (found[method] ??= []).push(glyph.line_alpha.field ? 1 : glyph.line_alpha.value ?? glyph.line_alpha);
+  return found;
+};
+window.roomFor = (selector) => {
+  const place = document.querySelector(selector);
+  const words = Object.assign(document.createElement("span"), { textContent: place.textContent.replace(/\\s+/g, " ") });
+  words.style.cssText = "white-space: nowrap; position: absolute";
+  place.append(words);
+  const letter = words.getBoundingClientRect().width / words.textContent.length;
+  words.remove();
+  return [place.getBoundingClientRect().width, letter];
+};
+window.coloursOfText = () => {
+  const found = new Map();
+  for (const one of document.querySelectorAll("body *")) {
+    const said = [...one.childNodes].filter((node) => node.nodeType === 3).map((node) => node.data).join("").trim();
+    if (!said || one.closest("script, .panel, .method, svg") || !one.checkVisibility()) continue;
+    const clear = (place) => getComputedStyle(place).backgroundColor === "rgba(0, 0, 0, 0)";
+    let paper = one;
+    while (paper !== document.body && clear(paper)) paper = paper.parentElement;
+    const colours = [getComputedStyle(one).color, getComputedStyle(paper).backgroundColor];
+    found.set(colours.join(), [...colours, said.slice(0, 40)]);
+  }
+  return [...found.values()];
+};
 window.spotOf = (id, x, y) => {
   const plot = plotOf(id), view = viewOf(id);
   const box = document.getElementById(id).getBoundingClientRect(), frame = view.frame.bbox;
@@ -86,10 +115,11 @@ def opened(chromium, browser, place):
     """Open the page as a function of the browser's settings; what went wrong is in ``page.heard``."""
     contexts = []
 
-    def open_page(**settings):
+    def open_page(early="", **settings):
         context = browser.new_context(**({"viewport": {"width": 1280, "height": 900}} | settings))
         contexts.append(context)
         page = context.new_page()
+        page.add_init_script(early and f"({early})()")
         page.heard = {"requests": [], "errors": []}
         page.on("request", lambda request: page.heard["requests"].append(request.url))
         page.on("console", lambda said: said.type in {"error", "warning"} and page.heard["errors"].append(said.text))

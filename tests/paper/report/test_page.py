@@ -14,7 +14,7 @@ import nearharmonic
 from nearharmonic.errors import ResultFileError
 from nearharmonic_paper.report import page as room
 from nearharmonic_paper.report.page import page
-from nearharmonic_paper.report.shown import ShownResults, in_order
+from nearharmonic_paper.report.shown import ShownFigure, ShownResults, in_order
 from nearharmonic_paper.tasks.experiment import beside_the_paper, figures_of
 from support.cubes.page_reader import Reader, documents
 from support.cubes.page_results import (
@@ -53,7 +53,7 @@ def test_same_results_give_the_same_bytes_in_another_process(results, text):
 
 
 def test_every_claim_is_row_with_its_value_threshold_and_verdict(text):
-    body = re.search(r'<table class="claims">.*?<tbody>(.*?)</tbody>', text, re.DOTALL)[1]
+    body = "".join(re.findall(r'<table class="claims">.*?<tbody>(.*?)</tbody>', text, re.DOTALL))
     rows = [" ".join(words.split()) for _, words in Reader(body).all("tr")]
     assert len(rows) == len(CLAIMS)
     for row, claim in zip(rows, CLAIMS, strict=True):
@@ -63,7 +63,11 @@ def test_every_claim_is_row_with_its_value_threshold_and_verdict(text):
         assert (f"Margin: margin of {claim[0]}." in row) == (claim[3] != "not decided here")
 
 
-def test_verdicts_are_summed_by_kind_and_findings_are_not_counted(text):
+def test_every_count_on_page_is_of_statements_of_paper(copied):
+    place = copied / "tables/claims.json"
+    place.write_text(place.read_text().replace('"derived/none.toml"', '"derived/none.toml", "tables/structure.csv"'))
+    place.write_text(place.read_text().replace('"cubes/sho.h5", ', ""))
+    text = page(folder=copied)["page"]
     body = re.search(r'<table class="sums">(.*?)</table>', text, re.DOTALL)[1]
     kinds = [words for told, words in Reader(body).all("th") if told["scope"] == "row"]
     rows = [[words for _, words in Reader(row).all("td")] for row in re.findall(r"<tr>.*?</tr>", body)[1:]]
@@ -72,12 +76,33 @@ def test_verdicts_are_summed_by_kind_and_findings_are_not_counted(text):
         "background": ["1", "1", "", "", "", "", ""],
         "misprints": ["1", "", "", "", "", "1", ""],
     }
-    assert "7 statements of the paper that numbers can decide" in text
+    tiles = re.findall(r"<strong>(\d)</strong> ([a-z ]+)", text)
+    assert tiles == [("2", "hold"), ("1", "holds but for edges"), ("1", "holds in part"), ("1", "fails"),
+                     ("1", "erratum"), ("1", "not decided here")]  # fmt: skip
+    filters = [words for told, words in Reader(text).all("button") if told.get("data-only")]
+    assert filters == [" ".join(tile) for tile in tiles]
+    (opening,) = re.findall(r'<p class="condition">(.*?)</p>', text, re.DOTALL)
+    assert " ".join(opening.split()).startswith(
+        "Verdicts on 7 statements of the paper; findings of this project are not counted. "
+        "1 not decided: <code>snakemake -j2 stability</code>, 1 minute, with the same config."
+    )
+    assert "7 statements of the paper can be decided by numbers" in text
+    assert "1 finding of this project, not in the paper and not counted" in text
 
 
 def test_what_fails_in_substance_is_named_first(text):
-    words = re.search(r'<div class="lead">.*?</p>', text, re.DOTALL)[0]
+    words = re.search(r'<ul class="failures">.*?</ul>', text, re.DOTALL)[0]
     assert '<a href="#claim-three">The method is stable</a>' in words
+
+
+@pytest.mark.parametrize("stems", [("gain", "fig3_henon_heiles"), ("fig3_henon_heiles",)])
+def test_gain_is_shown_first_where_it_is_drawn(copied, monkeypatch, stems):
+    drawn = [ShownFigure(anchor=stem, title=stem, caption="", stem=stem, picture=stem) for stem in stems]
+    drawn[-1].cube = "henon_heiles"
+    monkeypatch.setattr(room, "interactive", lambda _: [*reversed(drawn)])
+    monkeypatch.setattr(room, "_alone", lambda *_: {})
+    opening = re.search(r'<a class="hero".*?</a>', page(folder=copied)["page"])[0]
+    assert f'href="#{stems[0]}"' in opening
 
 
 def test_claim_links_only_to_existing_figures_and_tables(text, read):
@@ -134,7 +159,7 @@ def test_the_sections_of_experiments_show_what_is_there(copied):
     assert [words for _, words in Reader(found).all("h2") if words in TITLES] == TITLES
     ids = {told["id"] for _, told, _ in Reader(found).elements if "id" in told}
     assert ids >= {f"figure-{Path(name).stem}" for name in names if name.endswith(".svg")}
-    tables = found[found.index("Tables and coefficients") : found.index("What was left out, and")]
+    tables = found[found.index("Tables and coefficients") : found.index("What was left out")]
     for name in (name for name in names if name.endswith(".csv")):
         said = f"Text of {Path(name).stem}."
         assert said in found

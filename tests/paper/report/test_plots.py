@@ -8,6 +8,7 @@ import re
 import h5py
 import numpy as np
 import pytest
+import xarray as xr
 from bokeh.document import Document
 
 import nearharmonic as nh
@@ -71,16 +72,19 @@ def test_every_drawable_error_of_cube_is_in_panel_bitwise(results, plots, figure
 
 
 def test_interval_of_advance_is_bar_around_its_point(results, plots):
-    bars = [one for one in plots["figure-4-panel-1"].renderers if type(one.glyph).__name__ == "Segment"]
+    drawn = plots["figure-4-panel-1"].renderers
+    bars = [one for one in drawn if type(one.glyph).__name__ == "Segment"]
+    dots = [one.data_source.data["advance"] for one in drawn if getattr(one.glyph, "size", 0) == 3.5]
     assert [one.tags[0] for one in bars] == list(made.METHODS)
     with h5py.File(results / "cubes/kepler.h5") as cube:
         advances, intervals, evaluations = (
             cube[name][()].reshape(-1, len(made.METHODS), made.TAU.size)[0]
             for name in ("perihelion_advance", "perihelion_advance_interval", "evaluations_per_orbit")
         )
-    for one, advance, interval, x in zip(bars, abs(advances), intervals, evaluations, strict=True):
+    for one, dot, advance, interval, x in zip(bars, dots, abs(advances), intervals, evaluations, strict=True):
         known = interval < advance  # False for NaN
         assert known.any()
+        np.testing.assert_array_equal(dot[np.isfinite(dot)], advance[known])
         expected = {"x0": x, "x1": x, "y0": advance - interval, "y1": advance + interval}
         for end, values in expected.items():
             np.testing.assert_array_equal(one.data_source.data[getattr(one.glyph, end).field], values[known])
@@ -97,13 +101,48 @@ def test_errors_near_floor_of_potential_have_it_beside_them():
             assert [one.location for one in spans] == [runs.energy_floor] * count
 
 
-def test_a_run_that_left_its_surface_stands_on_the_edge(plots):
-    plot = plots["figure-3-panel-1"]
-    crosses = hovered(plot, "edge", "Scatter")
-    assert [one.tags[0] for one in crosses] == list(made.METHODS)
-    for one in crosses:
-        assert one.data_source.data["x"] == [made.TAU[-1]]
-        assert one.data_source.data["status"] == ["diverged at step 321"]
+def seen(plot, name):
+    """(method, error) of the errors ``name`` that a plot shows: joined to a neighbour, or with a marker."""
+    found = set()
+    for one in plot.renderers:
+        if getattr(getattr(one.glyph, "y", None), "field", "") == name:
+            values, alpha = np.asarray(one.data_source.data[name]), getattr(one.glyph, "line_alpha", 1.0)
+            there = np.pad(np.isfinite(values), 1)
+            shown = np.asarray(one.data_source.data[alpha.field] if hasattr(alpha, "field") else alpha) > 0
+            shown = there[1:-1] & shown & (one.glyph.kind != "Line" or there[:-2] | there[2:])
+            found |= {(one.tags[0], value) for value in values[shown]}
+    return found
+
+
+def test_every_run_is_seen_in_its_panel_or_above_it():
+    cube = made.errors(precision=True, gaps=made.LONELY)
+    dims, lost = cube.max_energy_error.dims, np.isinf(cube.max_energy_error)
+    cube = cube.assign(
+        status=xr.where(lost, "diverged", "ok"),
+        diverged_at=xr.where(lost, 321, 0),
+        evaluations=(dims, 7 + 0 * lost.values),
+    )
+    for panel, name in zip(energy_error(cube), ("max_energy_error", "mean_energy_error"), strict=True):
+        found = [(str(one.integrator.values), one.item()) for one in cube[name].stack(run=dims)]
+        assert seen(panel.plot, name) == {(method, error) for method, error in found if 0 < error < np.inf}
+        squares = [one for one in panel.plot.renderers if "row" in one.data_source.data]
+        bottom, top = panel.plot.left[0].bounds[1], panel.plot.y_range.end
+        for one, method in zip(squares, 2 * made.METHODS, strict=True):
+            data = one.data_source.data
+            assert (one.tags, data["x"].tolist()) == ([method], made.TAU[cube[name][0, 0] > 10].tolist())
+            assert ((bottom < data["row"]) & (data["row"] < top)).all()
+            assert [*data["said"]] == ["∞", "∞", "2.0000e+01", "∞", "∞", "∞"]
+            assert [*data["status"][1:3]] == ["diverged at step 321", "ok"]
+
+
+def test_right_axis_of_figure_4_reads_arcseconds_per_century(plots, results):
+    plot = plots["figure-4-panel-1"]
+    with h5py.File(results / "cubes/kepler.h5") as cube:
+        century = 180 * 3600 / np.pi * 36525 * 24 / cube.attrs["orbital_period"].item()
+    (axis,) = plot.right
+    right, left = plot.extra_y_ranges[axis.y_range_name], plot.y_range
+    assert axis.axis_label == "|perihelion advance| (arcseconds per century)"
+    np.testing.assert_allclose([right.start / left.start, right.end / left.end], century)
 
 
 def test_path_of_figure_6_follows_q_in_drifts_and_p_in_kicks(plots):
@@ -111,6 +150,19 @@ def test_path_of_figure_6_follows_q_in_drifts_and_p_in_kicks(plots):
         glyphs = [one for one in plots[f"figure-6-panel-{i}"].renderers if type(one.glyph).__name__ == "MultiLine"]
         (way,) = [one.data_source.data for one in glyphs if one.glyph.line_width == 1.0]
         assert all(not np.diff(line)[::2].any() for line in way["y" if path.attrs["first"] == "drift" else "x"])
+
+
+def test_panels_of_figure_6_have_colour_bar_axis_names_and_labels(plots):
+    for i, (letter, path) in enumerate(paper_panels().items(), start=1):
+        plot = plots[f"figure-6-panel-{i}"]
+        names = ["q_y", "p_y"] if letter in "CD" else ["q", "p"]
+        assert [plot.below[0].axis_label, plot.left[0].axis_label] == names
+        (scale,) = [one.color_mapper for one in plot.below if type(one).__name__ == "ColorBar"]
+        assert scale.low <= path.hamiltonian.values.min() < path.hamiltonian.values.max() <= scale.high
+        texts = [one for one in plot.renderers if type(one.glyph).__name__ == "Text"]
+        said = [one.data_source.data["text"][0] for one in texts]
+        assert [text for text in said if text.isdigit()] == [*"1234567"]
+        assert sum(text.startswith("H = ") for text in said) == 3
 
 
 def test_the_guides_have_the_slopes_of_their_orders(plots):

@@ -34,6 +34,31 @@ def test_only_float_cells_are_shortened(written, shown):
     assert wording.cell(written) == shown
 
 
+@pytest.mark.parametrize(
+    ("verdicts", "planets", "said"),
+    [
+        (["holds", "holds but for edges", "holds", "erratum"], "fails",
+         "Most of the paper holds; on planets the gain is a factor, not orders of magnitude"),
+        (["holds", "holds"], "holds", "All of the paper holds"),
+        (["fails", "fails"], None, "Nothing of the paper holds"),
+        (["holds", "not decided here", "not decided here"], "not decided here", "All of what these runs decide holds"),
+        (["holds", "fails", "fails"], "holds in part",
+         "At most half of the paper holds; on planets the gain is orders of magnitude at some step sizes only"),
+    ],
+)  # fmt: skip
+def test_headline_says_how_much_holds_and_gain_on_planets(verdicts, planets, said):
+    found = [{"id": str(i), "kind": "result", "verdict": verdict} for i, verdict in enumerate(verdicts)]
+    found.append({"id": "beside", "kind": "finding", "verdict": "fails"})
+    if planets:
+        found.append({"id": "outperform-ruth-kepler", "kind": "result", "verdict": planets})
+    assert wording.headline(found) == said
+
+
+def test_times_are_summed_in_minutes():
+    assert wording.minutes(["50 s", "70 s", "3 min"]) == "5 minutes"
+    assert wording.minutes(["20 s"]) == "1 minute"
+
+
 def test_every_marker_of_method_has_shape_on_page():
     styles = {style_of(name) for name in integrators} | {style_of(f"a new method {i}") for i in range(200)}
     assert {style.marker for style in styles} == set(MARKERS)

@@ -37,7 +37,6 @@ def declared(monkeypatch):
 def test_figures_of_each_system_have_separate_names_and_functions(declared):
     found = {one.stem: (one.draw, one.target, one.cube, one.experiment) for one in declared}
     assert found == {
-        "sho_energy_error": ("one:fig1_sho", "sho_energy_error", "sho", "one"),
         "kepler_energy_error": ("one:energy_error", "kepler_energy_error", "kepler", "one"),
         "fig1_sho": ("one:fig1_sho", "fig1", "sho", "one"),
         "sho_run_times": ("two:run_times", "sho_run_times", "sho", "two"),

@@ -16,13 +16,7 @@ from nearharmonic.systems import systems
 from nearharmonic_paper.tasks import provenance
 from nearharmonic_paper.tasks import provenance as sources
 from nearharmonic_paper.tasks.job import covered
-from nearharmonic_paper.tasks.provenance import (
-    closure,
-    code_digest,
-    coefficients_digest,
-    library_version,
-    task,
-)
+from nearharmonic_paper.tasks.provenance import closure, code_digest, coefficients_digest, library_version, task
 
 
 @pytest.fixture

@@ -12,30 +12,10 @@ import xarray as xr
 import nearharmonic as nh
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.numerics.compiled import Normal
+from nearharmonic_studies.samplers import targets
 from nearharmonic_studies.samplers.results import reduction
 from nearharmonic_studies.samplers.run import MADE, Proposals, _squares, methods_of, tuned
 from nearharmonic_studies.samplers.settings import TARGETS, SamplersSettings
-from nearharmonic_studies.samplers.targets import (
-    COUPLING,
-    MASS,
-    REFERENCES,
-    Chance,
-    chance,
-    costs,
-    covariances,
-    efficiency,
-    enough,
-    error_of,
-    loop_for,
-    moments,
-    power,
-    quantiles,
-    quartic,
-    run,
-    spectrum,
-    steps_matrix,
-    time_of,
-)
 
 # --- Targets of samplers: gradients, energies, published references, and chains of another library.
 
@@ -56,7 +36,7 @@ def energy(q):
     """U of a lattice by shifted arrays."""
     field = q.reshape(round(q.size**0.5), -1)
     squares = sum((np.roll(field, 1, axis) - field) ** 2 for axis in (0, 1))
-    return (squares / 2 + MASS * field**2 / 2 + COUPLING * field**4 / 4).sum()
+    return (squares / 2 + targets.MASS * field**2 / 2 + targets.COUPLING * field**4 / 4).sum()
 
 
 @pytest.mark.slow
@@ -66,16 +46,18 @@ def test_energy_of_the_lattice_is_that_of_shifted_arrays():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", REFERENCES)
+@pytest.mark.parametrize("name", targets.REFERENCES)
 def test_posteriors_have_the_published_means_and_squares(name):
     """Errors of both add in squares; 5 of them, for at most ten numbers."""
-    target, reference = MADE[name](0), REFERENCES[name]
-    loop, means = loop_for(target), []
+    target, reference = MADE[name](0), targets.REFERENCES[name]
+    loop, means = targets.loop_for(target), []
     for k in range(8):
-        warm = run(target, loop, nh.integrators["leapfrog"], 0.2, 1.0, target.start(Normal([8, k])),
-                   chance(Normal([9, k]), 500, target.dimension))  # fmt: skip
-        drawn = chance(Normal([10, k]), 3000, target.dimension)
-        means.append(run(target, loop, nh.integrators["bcss_s4"], 1.0, 2.0, warm.last, drawn).observed.mean(axis=0))
+        warm = targets.run(target, loop, nh.integrators["leapfrog"], 0.2, 1.0, target.start(Normal([8, k])),
+                   targets.chance(Normal([9, k]), 500, target.dimension))  # fmt: skip
+        drawn = targets.chance(Normal([10, k]), 3000, target.dimension)
+        means.append(
+            targets.run(target, loop, nh.integrators["bcss_s4"], 1.0, 2.0, warm.last, drawn).observed.mean(axis=0)
+        )
     published = [*reference.mean.values(), *reference.square.values()]
     values, errors = np.array(published).T
     own = np.std(means, axis=0, ddof=1) / 8**0.5
@@ -87,7 +69,9 @@ def test_tuning_finds_the_least_of_the_grid():
     """On a posterior of three parameters the smallest step of the grid is never the best."""
     target, settings = MADE["mesquite"](0), SamplersSettings(points=3, tuning=100, chains=8)
     starts = [target.start(Normal([3, k])) for k in range(8)]
-    (place,) = tuned(target, loop_for(target), {"leapfrog": nh.integrators["leapfrog"]}, starts, settings).values()
+    (place,) = tuned(
+        target, targets.loop_for(target), {"leapfrog": nh.integrators["leapfrog"]}, starts, settings
+    ).values()
     assert place.tau > 0.15 / target.highest
     assert place.length in target.lengths
 
@@ -95,8 +79,8 @@ def test_tuning_finds_the_least_of_the_grid():
 # --- Samplers: exact Gaussians, chains, effective samples and gains, against closed forms and other programs.
 
 #: A quartic target whose coordinates are the same oscillator but for their frequencies.
-QUARTIC = quartic(20)
-LOOP = loop_for(QUARTIC)
+QUARTIC = targets.quartic(20)
+LOOP = targets.loop_for(QUARTIC)
 
 
 def leapfrog_matrix(h, steps):
@@ -106,7 +90,7 @@ def leapfrog_matrix(h, steps):
 
 def test_matrix_of_a_trajectory_is_that_of_leapfrog():
     angles = np.array([0.1, 0.7, 1.9])
-    found = power(steps_matrix(nh.integrators["leapfrog"], angles), 13)
+    found = targets.power(targets.steps_matrix(nh.integrators["leapfrog"], angles), 13)
     assert found == pytest.approx(np.array([leapfrog_matrix(h, 13) for h in angles]), rel=1e-12)
 
 
@@ -115,7 +99,7 @@ def test_gaussian_acceptance_and_jumps_are_those_of_random_proposals():
     """2e5 proposals of 30 modes: 5 standard errors of the means."""
     angles, random = np.linspace(0.3, 1.7, 30), np.random.default_rng(1)
     matrices = np.array([leapfrog_matrix(h, 4) for h in angles])
-    acceptance, jumps = moments(matrices, 1)
+    acceptance, jumps = targets.moments(matrices, 1)
     z = random.normal(size=(200_000, 30, 2))
     after = np.einsum("kij,nkj->nki", matrices, z)
     accepted = np.minimum(1, np.exp(-((after**2).sum(axis=(1, 2)) - (z**2).sum(axis=(1, 2))) / 2))
@@ -128,12 +112,12 @@ def test_gaussian_acceptance_and_jumps_are_those_of_random_proposals():
 @pytest.mark.slow
 def test_gaussian_gradients_are_those_of_a_chain():
     """A chain of the package on the Gaussian, b = 0, at the step and length of the exact result: 5 standard errors."""
-    target = quartic(100, strength=0.0)
-    on, tau, length = spectrum(100), 0.8, 6.0
-    _, exact = efficiency(nh.integrators["bcss_s4"], 4 * tau, length, on)
-    drawn = chance(Normal([1]), 4000, 100)
+    target = targets.quartic(100, strength=0.0)
+    on, tau, length = targets.spectrum(100), 0.8, 6.0
+    _, exact = targets.efficiency(nh.integrators["bcss_s4"], 4 * tau, length, on)
+    drawn = targets.chance(Normal([1]), 4000, 100)
     start = target.start(Normal([2]))
-    chain = run(target, loop_for(target), nh.integrators["bcss_s4"], 4 * tau, length, start, drawn)
+    chain = targets.run(target, targets.loop_for(target), nh.integrators["bcss_s4"], 4 * tau, length, start, drawn)
     accepted = np.minimum(1, np.exp(-chain.changes))
     assert abs(chain.acceptance() - exact) < 5 * accepted.std() / 4000**0.5 + 2e-3  # nine lengths for all
 
@@ -152,7 +136,7 @@ def autoregressive(random, correlation, shape):
 def test_autocorrelation_time_is_that_of_an_autoregressive_chain(correlation):
     """(1 + r)/(1 - r) for lag-1 correlation r; 40 chains of 2000 have errors of a few percent."""
     chains = autoregressive(np.random.default_rng(4), correlation, (40, 2000))
-    found = time_of(covariances(chains).mean(axis=0))
+    found = targets.time_of(targets.covariances(chains).mean(axis=0))
     assert found == pytest.approx((1 + correlation) / (1 - correlation), rel=0.06)
 
 
@@ -160,31 +144,33 @@ def test_as_many_lags_are_formed_as_the_sums_need():
     """With and without each chain the time is that of all lags, to rounding."""
     for correlation, fewer in ((0.3, True), (0.995, False)):
         chains = autoregressive(np.random.default_rng(6), correlation, (6, 3000))
-        found, every = enough(chains), covariances(chains)
+        found, every = targets.enough(chains), targets.covariances(chains)
         assert (found.shape[1] < every.shape[1]) == fewer
         for kept in (slice(None), slice(1, None), slice(0, -1)):
-            assert time_of(found[kept].mean(axis=0)) == pytest.approx(time_of(every[kept].mean(axis=0)), rel=1e-12)
+            assert targets.time_of(found[kept].mean(axis=0)) == pytest.approx(
+                targets.time_of(every[kept].mean(axis=0)), rel=1e-12
+            )
 
 
 @pytest.mark.slow
 def test_standard_error_is_the_spread_of_repeated_measurements():
     """A spread of 80 repetitions has an error of 8 %; the jackknife errs on the large side by up to a third."""
     random = np.random.default_rng(5)
-    values = [costs(autoregressive(random, 0.7, (16, 400))[..., None], np.ones(16)) for _ in range(80)]
+    values = [targets.costs(autoregressive(random, 0.7, (16, 400))[..., None], np.ones(16)) for _ in range(80)]
     spread = np.std([one[0] for one in values])
-    assert 0.84 < np.mean([error_of(one) for one in values]) / spread < 1.4
+    assert 0.84 < np.mean([targets.error_of(one) for one in values]) / spread < 1.4
 
 
 @pytest.mark.slow
 def test_energy_errors_of_a_proposal_are_those_of_the_package():
     """A trajectory of 6 steps by ``nh.integrate``; both round about ten times a force."""
     n, tau = 3, 0.9
-    target = quartic(n)
+    target = targets.quartic(n)
     frequencies = 10.0 ** -(1 - (np.arange(n) + 0.5) / n)
     for name in ("leapfrog", "bcss_s4", "babs7o7h"):
-        drawn = Chance(np.array([[0.3, -1.1, 0.7]]), np.array([np.inf]), np.array([1.0]))
+        drawn = targets.Chance(np.array([[0.3, -1.1, 0.7]]), np.array([np.inf]), np.array([1.0]))
         start = np.array([2.0, -1.0, 0.5])
-        chain = run(target, loop_for(target), nh.integrators[name], tau, 6 * tau, start, drawn)
+        chain = targets.run(target, targets.loop_for(target), nh.integrators[name], tau, 6 * tau, start, drawn)
 
         def potential(q):
             return sum((w * x) ** 2 / 2 + (w * x) ** 4 / 4 for w, x in zip(frequencies, q, strict=True))
@@ -209,8 +195,8 @@ def test_chains_leave_the_moments_of_the_quartic_right(name):
         q, found = QUARTIC.start(Normal([6, k])), []
         method = nh.integrators[name]
         for part in range(200):  # the state after each 10 proposals
-            drawn = chance(Normal([7, k, part]), 10, 20)
-            q = run(QUARTIC, LOOP, method, 0.5 * method.stages, 6.0, q, drawn).last
+            drawn = targets.chance(Normal([7, k, part]), 10, 20)
+            q = targets.run(QUARTIC, LOOP, method, 0.5 * method.stages, 6.0, q, drawn).last
             found.append([np.mean((frequencies * q) ** m) for m in (2, 4)])
         means.append(np.mean(found, axis=0))
     error = np.std(means, axis=0, ddof=1) / 8**0.5
@@ -222,7 +208,7 @@ def test_chains_leave_the_moments_of_the_quartic_right(name):
 @pytest.mark.slow
 def test_starts_have_the_quantiles_of_the_quartic():
     for strength, temperature in ((0.0, 1.0), (1.0, 1.0), (2.0, 4.0)):
-        (x,) = quantiles(strength, np.array([0.83]), temperature)
+        (x,) = targets.quantiles(strength, np.array([0.83]), temperature)
 
         def density(y, b=strength, t=temperature):
             return mpmath.exp(-(y**2 / 2 + b * y**4 / 4) / t)
@@ -243,8 +229,8 @@ def test_squared_errors_of_the_search_are_those_of_gaussian_starts(name):
         proposals.frequencies, proposals.x, proposals.p, proposals.lengths, proposals.weights,
     )  # fmt: skip
     counts = np.rint(proposals.lengths / (method.stages * tau)).astype(int)
-    steps = steps_matrix(method, method.stages * tau * proposals.frequencies)
-    squares = [power(step[None], count)[0] for step, count in zip(steps, counts, strict=True)]
+    steps = targets.steps_matrix(method, method.stages * tau * proposals.frequencies)
+    squares = [targets.power(step[None], count)[0] for step, count in zip(steps, counts, strict=True)]
     g = np.array([(one**2).sum() - 2 for one in squares])
     assert found[0, 0] == pytest.approx((g + 0.75 * g * g).mean(), rel=0.03)
 

@@ -18,23 +18,8 @@ from nearharmonic.theory.oscillator import stability_limit
 from nearharmonic.training.objective import polished, tableau_of
 from nearharmonic_paper.tasks.job import covered
 from nearharmonic_paper.tasks.provenance import task
+from nearharmonic_studies.sixth_order import search
 from nearharmonic_studies.sixth_order import search as run
-from nearharmonic_studies.sixth_order.search import (
-    TAU_PER_STAGE,
-    NystromEquations,
-    Walk,
-    candidates_of,
-    coefficients,
-    criterion_of,
-    descend,
-    find_solutions,
-    registered,
-    short_decimals,
-    solve,
-    system_of,
-    winners,
-)
-from nearharmonic_studies.sixth_order.search import jacobian as derivatives
 from nearharmonic_studies.sixth_order.settings import SixthOrderSettings
 from support.oracles.nystrom_steps import equations_of, unknowns_of
 from support.oracles.reference_solutions import oscillator_step
@@ -50,8 +35,8 @@ FEW = SixthOrderSettings(seed=2, starts=800, walks=4, walk_steps=60)
 
 @pytest.mark.slow
 def test_point_that_counts_as_solved_solves_equations_in_multiprecision():
-    equations, random = NystromEquations(8, "kick", 6), np.random.default_rng(3)
-    found, solved = solve(system_of(equations), random.uniform(-1, 1, (100, 7)), 2.0)
+    equations, random = search.NystromEquations(8, "kick", 6), np.random.default_rng(3)
+    found, solved = search.solve(search.system_of(equations), random.uniform(-1, 1, (100, 7)), 2.0)
     assert 0 < solved.sum() < 100
     for x, claimed in zip(found, solved, strict=True):
         size = max(map(abs, equations.residuals([mpf(float(u)) for u in x])))
@@ -61,8 +46,8 @@ def test_point_that_counts_as_solved_solves_equations_in_multiprecision():
 
 @pytest.mark.slow
 def test_start_beyond_bound_is_given_up_where_it_stands():
-    equations, start = NystromEquations(8, "kick", 6), np.full((1, 7), 0.5)
-    found, solved = solve(system_of(equations), start, 0.4)
+    equations, start = search.NystromEquations(8, "kick", 6), np.full((1, 7), 0.5)
+    found, solved = search.solve(search.system_of(equations), start, 0.4)
     assert found.tolist() == start.tolist()
     assert not solved[0]
 
@@ -70,10 +55,10 @@ def test_start_beyond_bound_is_given_up_where_it_stands():
 @pytest.mark.slow
 @pytest.mark.parametrize("first", ["kick", "drift"])
 def test_derivatives_agree_with_multiprecision_differences(first):
-    equations = NystromEquations(9, first, 8)
+    equations = search.NystromEquations(9, first, 8)
     x = np.random.default_rng(4).uniform(-0.5, 0.5, 8)
-    system = system_of(equations)
-    found = derivatives(system, x, coefficients(system, x))
+    system = search.system_of(equations)
+    found = search.jacobian(system, x, search.coefficients(system, x))
     # Terms of up to 5000 in units of kappa_7, with some roundings each.
     assert found == pytest.approx(np.array(equations.slopes(list(map(mpf, x))), dtype=float), rel=1e-10, abs=1e-10)
 
@@ -95,7 +80,7 @@ def test_free_parameters_are_counted_by_the_rank_of_the_derivatives():
 
 @pytest.fixture(scope="module")
 def findings():
-    return find_solutions(FEW, stages=(7, 8), firsts=("kick",), threads=1)
+    return search.find_solutions(FEW, stages=(7, 8), firsts=("kick",), threads=1)
 
 
 @pytest.mark.slow
@@ -103,25 +88,25 @@ def test_yoshidas_method_is_found_among_those_of_seven_stages(findings):
     # A method of order six for every H is one for quadratic T: Yoshida (1990) is an answer that is known. Here it is a
     # double solution: residuals of 1e-12 leave the square root of that in the unknowns.
     yoshida = integrators["yoshida_s7o6a"].role("kick")
-    wanted = np.array(NystromEquations(7, "kick", 6).halved(*yoshida.rows_double()))
+    wanted = np.array(search.NystromEquations(7, "kick", 6).halved(*yoshida.rows_double()))
     found = [np.array(c.unknowns) for c in findings.candidates if c.stages == 7]
     assert min(np.max(np.abs(x - wanted)) for x in found) < 1e-5
 
 
 @pytest.mark.slow
 def test_a_reduced_search_finds_the_isolated_method_that_is_registered(findings):
-    (best,) = winners(findings)
+    (best,) = search.winners(findings)
     tableau = integrators["babs8o6_7h"]
     assert (best.stages, best.first, best.harmonic_order) == (8, "kick", 7)
-    assert registered(best, source=tableau.source, digits=tableau.digits) == tableau
+    assert search.registered(best, source=tableau.source, digits=tableau.digits) == tableau
 
 
 @pytest.mark.slow
 def test_same_seed_gives_same_findings_on_any_number_of_threads(findings):
-    again = find_solutions(FEW, stages=(8, 7), firsts=("kick",), threads=2)
+    again = search.find_solutions(FEW, stages=(8, 7), firsts=("kick",), threads=2)
     assert again == findings
     assert len(findings.counts) == 3
-    other = find_solutions(replace(FEW, seed=3), stages=(7,), firsts=("kick",))
+    other = search.find_solutions(replace(FEW, seed=3), stages=(7,), firsts=("kick",))
     assert other.counts[0] != findings.counts[0]
 
 
@@ -150,7 +135,7 @@ def test_candidates_are_solutions_and_come_in_order_of_their_merit(findings):
     values = [c.merit.value for c in findings.candidates]
     assert values == sorted(values)
     for c in findings.candidates:
-        equations = NystromEquations(c.stages, c.first, c.harmonic_order)
+        equations = search.NystromEquations(c.stages, c.first, c.harmonic_order)
         assert max(map(abs, equations.residuals(list(map(mpf, c.unknowns))))) < 1e-10
         assert c.row()["composition"] == "BAB"
 
@@ -158,11 +143,13 @@ def test_candidates_are_solutions_and_come_in_order_of_their_merit(findings):
 @pytest.mark.slow
 def test_a_walk_stays_on_its_family_and_lowers_the_criterion():
     # The isolated method of harmonic order 7 is a point on the family of order 6.
-    equations = NystromEquations(8, "kick", 6)
+    equations = search.NystromEquations(8, "kick", 6)
     start = np.array([[float(x) for x in unknowns_of(integrators["babs8o6_7h"])]])
     noise = np.random.default_rng(1).normal(0, 1, (1, 200, equations.unknowns))
-    end = descend(system_of(equations), criterion_of(equations.stages), 2.0, Walk(), noise, start)
-    (before,), (after,) = candidates_of(equations, start, [0]), candidates_of(equations, end, [0])
+    end = search.descend(
+        search.system_of(equations), search.criterion_of(equations.stages), 2.0, search.Walk(), noise, start
+    )
+    (before,), (after,) = search.candidates_of(equations, start, [0]), search.candidates_of(equations, end, [0])
     assert after.merit.value < before.merit.value
     assert max(map(abs, equations.residuals(list(map(mpf, after.unknowns))))) < 1e-10
 
@@ -181,8 +168,8 @@ EVERY = pytest.mark.parametrize("name", NAMES)
 def test_criterion_is_made_of_what_other_modules_say_of_method(name):
     tableau = integrators[name]
     unknowns = np.array([[float(x) for x in unknowns_of(tableau)]])
-    (candidate,) = candidates_of(equations_of(tableau), unknowns, [0])
-    merit, tau = candidate.merit, mpf(tableau.stages) * TAU_PER_STAGE
+    (candidate,) = search.candidates_of(equations_of(tableau), unknowns, [0])
+    merit, tau = candidate.merit, mpf(tableau.stages) * search.TAU_PER_STAGE
     # Cancellation from sums of about 1 to errors of about 1e-6 leaves 1e-9 of these.
     assert merit.nystrom_error == pytest.approx(float(error_norm(tableau, 7, quadratic=True) * tau**6), rel=1e-6)
     size = sum(abs(float(c)) for c in tableau.kick + tableau.drift)
@@ -200,7 +187,9 @@ def test_harmonic_errors_are_those_of_the_step_matrix(name):
     # Terms in tau^7, tau^9 and tau^11 of the matrix by finite differences: its entries are polynomials in tau, sampled
     # where what lies beyond is 1e-40 of them.
     tableau = integrators[name]
-    (candidate,) = candidates_of(equations_of(tableau), np.array([[float(x) for x in unknowns_of(tableau)]]), [0])
+    (candidate,) = search.candidates_of(
+        equations_of(tableau), np.array([[float(x) for x in unknowns_of(tableau)]]), [0]
+    )
     with mp.workdps(200):
         odd = range(1, 2 * tableau.stages + 2, 2)
         taus = [mpf(k + 1) / 8 for k in range(len(odd))]
@@ -237,7 +226,7 @@ def test_newton_from_six_digits_comes_to_the_registered_digits(name):
 def test_free_parameters_become_short_decimals_from_which_the_rest_follows():
     tableau = max(TABLEAUS, key=lambda t: equations_of(t).free)
     equations, x = equations_of(tableau), [float(text) for text in unknowns_of(tableau)]
-    fixed = short_decimals(equations, x, 3)
+    fixed = search.short_decimals(equations, x, 3)
     assert len(fixed) == equations.free > 1
     solution = polished(equations, x, 40, fixed=fixed, nearest=0.05)
     for u, text in fixed.items():

@@ -4,8 +4,4 @@ from __future__ import annotations
 
 from support.cubes import figure_cubes as made
 
-EXAMPLES = {
-    "trained_error": (made.contest, ()),
-    "trained_gain": (made.contest, ()),
-    "trained_ideas": (made.ideas, ()),
-}
+EXAMPLES = {"trained_error": (made.contest, ()), "trained_gain": (made.contest, ()), "trained_ideas": (made.ideas, ())}

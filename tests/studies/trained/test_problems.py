@@ -11,27 +11,12 @@ from scipy.optimize import minimize
 from scipy.stats import kstest, norm
 
 from nearharmonic.training.objective import Ensemble
+from nearharmonic_studies.trained import problems
 from nearharmonic_studies.trained import problems as made
-from nearharmonic_studies.trained.problems import (
-    ALPHA,
-    ATOMS,
-    BETA,
-    CHAIN_SITES,
-    NAMED,
-    RING,
-    SITES,
-    WELL,
-    anharmonicities,
-    hessians,
-    named_ensemble,
-    orbit_ensemble,
-    random_ensemble,
-    ring_ensemble,
-)
 
 # --- Systems with a name: their formulas against closed forms and published numbers, their starts, their units.
 
-BY_NAME = {one.name: one for one in NAMED}
+BY_NAME = {one.name: one for one in problems.NAMED}
 
 
 def potential(name, q):
@@ -41,20 +26,20 @@ def potential(name, q):
     return {
         "pendulum": 1 - cos(q[0]),
         "morse": 1 - 2 * exp(-q[0]) + exp(-2 * q[0]),
-        "quartic_well": (q @ q) / 2 + WELL * (q @ q) ** 2,
+        "quartic_well": (q @ q) / 2 + problems.WELL * (q @ q) ** 2,
         "henon_heiles": (q @ q) / 2 + q[0] ** 2 * q[-1] - q[-1] ** 3 / 3,
         "toda": (np.exp(q - np.roll(q, -1)) - 1).sum(),
         "lennard_jones": (r6 * r6 - 2 * r6 + 1).sum() / 72,
-        "fput_alpha": (wall**2 / 2 + ALPHA * wall**3 / 3).sum(),
-        "fput_beta": (wall**2 / 2 + BETA * wall**4 / 4).sum(),
+        "fput_alpha": (wall**2 / 2 + problems.ALPHA * wall**3 / 3).sum(),
+        "fput_beta": (wall**2 / 2 + problems.BETA * wall**4 / 4).sum(),
     }[name]
 
 
 #: The largest frequency of small oscillations: of springs between fixed ends 2 cos(pi / (2 n + 2)), of a ring 2.
 FASTEST = {
     "pendulum": 1.0, "morse": sqrt(2), "quartic_well": 1.0, "henon_heiles": 1.0, "toda": 2.0,
-    "lennard_jones": 2 * cos(pi / (2 * ATOMS + 2)), "fput_alpha": 2 * cos(pi / (2 * CHAIN_SITES + 2)),
-    "fput_beta": 2 * cos(pi / (2 * CHAIN_SITES + 2)),
+    "lennard_jones": 2 * cos(pi / (2 * problems.ATOMS + 2)), "fput_alpha": 2 * cos(pi / (2 * problems.CHAIN_SITES + 2)),
+    "fput_beta": 2 * cos(pi / (2 * problems.CHAIN_SITES + 2)),
 }  # fmt: skip
 
 
@@ -77,7 +62,7 @@ def test_hessians_are_second_differences_of_the_potential(name):
     """Error of fourth order in the spacing, h^4 times sixth derivatives, and rounding of V over h^2: 1e-6."""
     one = BY_NAME[name]
     q = np.random.default_rng(4).normal(size=one.dimension) * 0.05
-    found, h = hessians(one.system(), q[None, :])[0], 2e-3
+    found, h = problems.hessians(one.system(), q[None, :])[0], 2e-3
     unit = np.eye(one.dimension) * h
     for i in range(one.dimension):
         for j in range(one.dimension):
@@ -92,7 +77,7 @@ def test_hessians_are_second_differences_of_the_potential(name):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", BY_NAME)
 def test_unit_of_time_is_radian_of_fastest_small_oscillation(name):
-    ensemble = named_ensemble(BY_NAME[name], 4, 1, 100.0)
+    ensemble = problems.named_ensemble(BY_NAME[name], 4, 1, 100.0)
     assert ensemble.unit * FASTEST[name] == pytest.approx(1, rel=1e-12)
     assert ensemble.t_end == pytest.approx(100 / FASTEST[name], rel=1e-12)
 
@@ -102,7 +87,7 @@ def test_unit_of_time_is_radian_of_fastest_small_oscillation(name):
 def test_starts_have_energies_that_are_log_uniform_in_stated_range(name):
     """The largest distance of 400 sorted uniform numbers from the diagonal exceeds 0.08 once in a hundred draws."""
     one, count = BY_NAME[name], 400
-    ensemble = named_ensemble(one, count, 5, 100.0)
+    ensemble = problems.named_ensemble(one, count, 5, 100.0)
     start = ensemble.start.reshape(count, 4, -1)
     assert not start[:, [1, 3]].any()
     energy = np.array([potential(name, q) + (p @ p) / 2 for q, p in zip(start[:, 0], start[:, 2], strict=True)])
@@ -117,7 +102,7 @@ def test_starts_have_energies_that_are_log_uniform_in_stated_range(name):
 def test_starts_are_first_places_on_their_ray_with_their_energy():
     """On the way there H is below: beyond the saddles of Henon-Heiles are places with the same energy."""
     for name in ("henon_heiles", "morse", "lennard_jones"):
-        ensemble = named_ensemble(BY_NAME[name], 50, 6, 100.0)
+        ensemble = problems.named_ensemble(BY_NAME[name], 50, 6, 100.0)
         for row in ensemble.start.reshape(50, 4, -1):
             q, p = row[0], row[2]
             rays = [potential(name, s * q) + s * s * (p @ p) / 2 for s in np.linspace(0, 1, 200)]
@@ -127,20 +112,25 @@ def test_starts_are_first_places_on_their_ray_with_their_energy():
 def test_directions_fill_the_energy_surface_of_small_oscillations_evenly():
     """Each of the 2 d squares of normalised coordinates is 1/2d in the mean, to 4 deviations of 2000 draws."""
     one = BY_NAME["fput_alpha"]
-    ensemble = named_ensemble(one, 2000, 7, 100.0)
+    ensemble = problems.named_ensemble(one, 2000, 7, 100.0)
     start = ensemble.start.reshape(2000, 4, -1)
     modes = np.array(
-        [[sin(pi * i * k / (CHAIN_SITES + 1)) for i in range(1, CHAIN_SITES + 1)] for k in range(1, CHAIN_SITES + 1)]
+        [
+            [sin(pi * i * k / (problems.CHAIN_SITES + 1)) for i in range(1, problems.CHAIN_SITES + 1)]
+            for k in range(1, problems.CHAIN_SITES + 1)
+        ]
     )
-    modes *= sqrt(2 / (CHAIN_SITES + 1))
-    frequencies = 2 * np.sin(pi * np.arange(1, CHAIN_SITES + 1) / (2 * CHAIN_SITES + 2))
+    modes *= sqrt(2 / (problems.CHAIN_SITES + 1))
+    frequencies = 2 * np.sin(pi * np.arange(1, problems.CHAIN_SITES + 1) / (2 * problems.CHAIN_SITES + 2))
     parts = np.concatenate([(start[:, 0] @ modes.T * frequencies) ** 2, (start[:, 2] @ modes.T) ** 2], axis=1)
     share = (parts / parts.sum(axis=1, keepdims=True)).mean(axis=0)
-    assert share == pytest.approx(1 / (2 * CHAIN_SITES), abs=4 * sqrt(2) / (2 * CHAIN_SITES) / sqrt(2000))
+    assert share == pytest.approx(
+        1 / (2 * problems.CHAIN_SITES), abs=4 * sqrt(2) / (2 * problems.CHAIN_SITES) / sqrt(2000)
+    )
 
 
 def test_ring_of_toda_has_neither_momentum_nor_displacement_of_whole():
-    start = named_ensemble(BY_NAME["toda"], 20, 8, 100.0).start.reshape(20, 4, RING)
+    start = problems.named_ensemble(BY_NAME["toda"], 20, 8, 100.0).start.reshape(20, 4, problems.RING)
     assert np.abs(start.sum(axis=2)).max() < 1e-13
 
 
@@ -149,7 +139,7 @@ def single(system, q0):
     start = np.zeros((1, 4))
     start[0, 0] = q0
     given = np.empty((1, 0))
-    return anharmonicities(Ensemble(name="", system=system, start=start, parameters=given, t_end=400.0))[0]
+    return problems.anharmonicities(Ensemble(name="", system=system, start=start, parameters=given, t_end=400.0))[0]
 
 
 @pytest.mark.slow
@@ -164,7 +154,7 @@ BAND = (0.01, 0.5)
 
 
 def potentials(dimension, count=2000, seed=1, band=BAND):
-    return random_ensemble(dimension, count, seed, band=band, t_end=100.0)
+    return problems.random_ensemble(dimension, count, seed, band=band, t_end=100.0)
 
 
 def coefficients(ensemble):
@@ -325,28 +315,28 @@ RING_BAND = (0.01, 0.15)
 
 
 def rings(count=400, seed=1, band=RING_BAND, t_end=50.0):
-    return ring_ensemble(count, seed, band=band, t_end=t_end)
+    return problems.ring_ensemble(count, seed, band=band, t_end=t_end)
 
 
 def parts(ensemble):
     """Inverse roots of masses and strengths of bonds (problems, sites), and quartic coefficients (problems,)."""
     values = ensemble.parameters.reshape(ensemble.size, -1, 2)
     assert (values[:, :, 1] == 0).all()
-    return values[:, :SITES, 0], values[:, SITES : 2 * SITES, 0], values[:, -1, 0]
+    return values[:, : problems.SITES, 0], values[:, problems.SITES : 2 * problems.SITES, 0], values[:, -1, 0]
 
 
 def ring_states(ensemble):
     """Positions and momenta (problems, sites)."""
-    start = ensemble.start.reshape(-1, 4, SITES)
+    start = ensemble.start.reshape(-1, 4, problems.SITES)
     assert (start[:, [1, 3]] == 0).all()
     return start[:, 0], start[:, 2]
 
 
 def phonons(w, k):
     """Squared frequencies and modes by LAPACK, of the matrix that the bonds have by hand."""
-    bonds = np.zeros((SITES, SITES))
-    for i in range(SITES):
-        bonds[i, i], bonds[i, (i + 1) % SITES] = -w[i], w[(i + 1) % SITES]
+    bonds = np.zeros((problems.SITES, problems.SITES))
+    for i in range(problems.SITES):
+        bonds[i, i], bonds[i, (i + 1) % problems.SITES] = -w[i], w[(i + 1) % problems.SITES]
     return np.linalg.eigh(bonds.T @ np.diag(k) @ bonds)
 
 
@@ -359,10 +349,10 @@ def test_the_potential_of_rings_is_the_one_that_the_docstring_writes():
         return np.sum(k * (d**2 / 2 - d**3 / 2 + c * d**4))
 
     for w, k, c in zip(*parts(ensemble), strict=True):
-        q, given = random.normal(size=SITES), (*w, *k, c)
+        q, given = random.normal(size=problems.SITES), (*w, *k, c)
         assert ensemble.system.V(tuple(q), *given) == pytest.approx(of_bonds(q, w, k, c), rel=1e-13)
         slope = ensemble.system.grad_V(tuple(q), *given)
-        for i, e in enumerate(np.eye(SITES)):
+        for i, e in enumerate(np.eye(problems.SITES)):
             # An imaginary step differentiates to all digits.
             assert slope[i] == pytest.approx(of_bonds(q + 1e-40j * e, w, k, c).imag / 1e-40, rel=1e-12, abs=1e-12)
 
@@ -388,8 +378,8 @@ def test_highest_frequency_is_one_and_one_mode_is_free():
 def test_masses_take_turns_and_bonds_vary_as_stated():
     w, k, _ = parts(rings())
     masses = w**-2.0
-    assert masses[:, ::2] == pytest.approx(np.repeat(masses[:, :1], SITES // 2, axis=1), rel=1e-13)
-    assert masses[:, 1::2] == pytest.approx(np.repeat(masses[:, 1:2], SITES // 2, axis=1), rel=1e-13)
+    assert masses[:, ::2] == pytest.approx(np.repeat(masses[:, :1], problems.SITES // 2, axis=1), rel=1e-13)
+    assert masses[:, 1::2] == pytest.approx(np.repeat(masses[:, 1:2], problems.SITES // 2, axis=1), rel=1e-13)
     assert kstest(np.log(masses[:, 1] / masses[:, 0]), "uniform", args=(0, np.log(4))).pvalue > 1e-3
     assert kstest(np.log(k.ravel()), "uniform", args=(np.log(0.7), np.log(2))).pvalue > 1e-3
 
@@ -416,7 +406,7 @@ BOUNDS = (0.02, 0.35)
 
 
 def orbits(count=1000, seed=1, eccentricities=BOUNDS):
-    return orbit_ensemble(count, seed, eccentricities=eccentricities, orbits=20)
+    return problems.orbit_ensemble(count, seed, eccentricities=eccentricities, orbits=20)
 
 
 def states(ensemble):

@@ -19,39 +19,12 @@ from nearharmonic.integrators import integrators, plain_integrators
 from nearharmonic.output.store import assembled
 from nearharmonic_paper.config import load
 from nearharmonic_paper.tasks import job
+from nearharmonic_studies.trained import reductions
+from nearharmonic_studies.trained import run as made
 from nearharmonic_studies.trained import run as times
 from nearharmonic_studies.trained.problems import NAMED, named_ensemble, random_ensemble, with_exact_oscillators
-from nearharmonic_studies.trained.reductions import (
-    _means,
-    gain_table,
-    gains,
-    ideas_reduction,
-    long_reduction,
-    long_table,
-    method_table,
-    proof_reduction,
-    reduce_ideas,
-    reduce_proof,
-    resampled_means,
-    stretch,
-    trends,
-    verdict,
-)
-from nearharmonic_studies.trained.run import (
-    CHARGE_OF_ROTATIONS,
-    STARTS,
-    STRENGTHS,
-    STRONGEST,
-    WEAKEST,
-    ideas_measure,
-    log_errors,
-    long_runs,
-    long_runs_measure,
-    proof_ensembles,
-    proof_measure,
-    run,
-    scaled_potentials,
-)
+from nearharmonic_studies.trained.reductions import gains
+from nearharmonic_studies.trained.run import run
 from nearharmonic_studies.trained.settings import IDEAS, ProofSettings, contestants, exact_contestants, idea_of, kind_of
 from support.oracles.plain_runs import (
     henon_heiles_energy,
@@ -98,7 +71,7 @@ def test_reductions_give_means_quantiles_best_and_shared_gain():
     logs = curves([-6, -4], [-6.5, -4], 0.0, 5) + np.arange(5) / 4
     data = runs(np.concatenate([logs, np.full((4, 1, 5), np.nan)], axis=1))
     data["anharmonicity"] = ("ensemble", "problem"), [[0.3, 0.1, 0.5, 0.2, 0.4]]
-    found = proof_reduction.of(data, over="problem").isel(ensemble=0)
+    found = reductions.proof_reduction.of(data, over="problem").isel(ensemble=0)
     assert found.mean_log_error.sel(integrator="c").values == pytest.approx([-6, -3.5, np.nan], nan_ok=True)
     assert found.anharmonicity.values == pytest.approx([0.12, 0.3, 0.48])
     assert found.gain.values == pytest.approx([0.5, 0.5, np.nan], nan_ok=True)
@@ -129,9 +102,9 @@ def test_problems_are_resampled_together_for_all_methods():
 def test_means_of_resamples_do_not_depend_on_order_of_sums():
     """Logarithms from -16 to 0 of 192 problems are rounded to 2^-40 or finer, so that means are off by half of it."""
     logs, order = -16 * np.random.default_rng(5).random((3, 2, 192)), np.random.default_rng(7).permutation(192)
-    found = resampled_means(xr.DataArray(logs, dims=("method", "point", "problem")), 6, 50).values
+    found = reductions.resampled_means(xr.DataArray(logs, dims=("method", "point", "problem")), 6, 50).values
     counts = np.random.default_rng(6).multinomial(192, np.full(192, 1 / 192), 50)
-    assert _means(logs[..., order], counts[:, order]).tobytes() == found.tobytes()
+    assert reductions._means(logs[..., order], counts[:, order]).tobytes() == found.tobytes()
     plain = [np.repeat(logs, times, axis=-1).mean(axis=-1) for times in counts]
     assert found == pytest.approx(np.stack(plain, axis=-1), abs=2.0**-41 + 1e-14)
 
@@ -172,7 +145,7 @@ def test_errors_equal_those_of_operator_loop_at_equal_cost():
     (one,) = (one for one in NAMED if one.name == "henon_heiles")
     ensemble = named_ensemble(one, 3, 2, 20.0)
     taus, charge = np.array([0.1, 0.15]), 0.8
-    found = log_errors(ensemble, METHODS, taus, charge)
+    found = made.log_errors(ensemble, METHODS, taus, charge)
     for a, name in enumerate(METHODS):
         method = integrators[name]
         rows = [list(map(float, row)) for row in (method.kick, method.drift, getattr(method, "square", ()))]
@@ -190,8 +163,8 @@ def test_errors_equal_those_of_operator_loop_at_equal_cost():
 @pytest.fixture(scope="module")
 def small(tmp_path_factory):
     path = str(tmp_path_factory.mktemp("small") / "run.h5")
-    job.write(proof_measure(METHODS, SMALL)["run"], [path], {})
-    return reduce_proof(METHODS, SMALL, path)
+    job.write(made.proof_measure(METHODS, SMALL)["run"], [path], {})
+    return reductions.reduce_proof(METHODS, SMALL, path)
 
 
 @pytest.mark.slow
@@ -204,9 +177,9 @@ def test_the_cube_has_each_ensemble_with_its_own_step_sizes(small):
     assert np.isfinite(values["mean_log_error"][:-1]).all()
     assert values["kind"].tolist() == ["published", "published", "own", "published", "own"]
     assert (np.diff(values["anharmonicity"], axis=1) >= 0).all()
-    for e, trial in enumerate(proof_ensembles(SMALL)):
+    for e, trial in enumerate(made.proof_ensembles(SMALL)):
         charge = 0.3 if trial.panel == "Kepler orbits" else 1.1
-        means = log_errors(trial.ensemble, METHODS, trial.tau_per_stage, charge).mean(axis=-1)
+        means = made.log_errors(trial.ensemble, METHODS, trial.tau_per_stage, charge).mean(axis=-1)
         assert (values["mean_log_error"][e, :, : means.shape[1]] == means).all()
         best = [METHODS[i] for i in np.where(values["kind"] == "published", means.T, np.inf).argmin(axis=1)]
         assert values["best_published"][e, : len(best)].tolist() == best
@@ -231,7 +204,7 @@ BY_HAND = xr.Dataset(
 
 @pytest.mark.slow
 def test_the_table_of_gains_has_each_number_in_its_column():
-    table = gain_table(BY_HAND)
+    table = reductions.gain_table(BY_HAND)
     assert table.rows == [
         ["one", 0.1, "a", -6.0, "b", -6.5, 0.5, 0.4, 0.6, "ahead"],
         ["one", 0.2, "a", -4.0, "b", -3.0, -1.0, -1.2, -0.9, "behind"],
@@ -241,7 +214,7 @@ def test_the_table_of_gains_has_each_number_in_its_column():
 
 @pytest.mark.slow
 def test_the_table_of_methods_has_each_number_in_its_column():
-    table = method_table(BY_HAND)
+    table = reductions.method_table(BY_HAND)
     assert table.records() == [
         {"method": "b", "ensemble": "one", "ahead_from": 0.1, "ahead_to": 0.1, "ratio": 1.0, "largest_gain": 0.5,
          "gain_at": 0.1, "largest_loss": 1.0, "loss_at": 0.2},
@@ -252,18 +225,22 @@ def test_the_table_of_methods_has_each_number_in_its_column():
 
 @pytest.mark.slow
 def test_what_an_interval_says():
-    assert [verdict(*pair) for pair in ((0.1, 0.2), (-0.2, -0.1), (-0.1, 0.1))] == ["ahead", "behind", "even"]
-    assert verdict(np.nan, np.nan) == "none trained"
+    assert [reductions.verdict(*pair) for pair in ((0.1, 0.2), (-0.2, -0.1), (-0.1, 0.1))] == [
+        "ahead",
+        "behind",
+        "even",
+    ]
+    assert reductions.verdict(np.nan, np.nan) == "none trained"
 
 
 @pytest.mark.slow
 def test_the_widest_stretch_is_by_ratio_whatever_the_order():
     taus = np.array([0.01, 0.02, 0.03, 0.1, 0.2])
-    assert stretch(taus, np.array([1, 1, -1, 1, 1.0])) == (0.01, 0.02)
-    assert stretch(taus, np.array([-1, 1, 1, 1, -1.0])) == (0.02, 0.1)
-    assert stretch(taus[::-1], np.array([-1, 1, 1, 1, -1.0])) == (0.02, 0.1)
-    assert stretch(taus, np.array([1, -1, -1, 1, 1.0])) == (0.1, 0.2)
-    assert np.isnan(stretch(taus, -np.ones(5))).all()
+    assert reductions.stretch(taus, np.array([1, 1, -1, 1, 1.0])) == (0.01, 0.02)
+    assert reductions.stretch(taus, np.array([-1, 1, 1, 1, -1.0])) == (0.02, 0.1)
+    assert reductions.stretch(taus[::-1], np.array([-1, 1, 1, 1, -1.0])) == (0.02, 0.1)
+    assert reductions.stretch(taus, np.array([1, -1, -1, 1, 1.0])) == (0.1, 0.2)
+    assert np.isnan(reductions.stretch(taus, -np.ones(5))).all()
 
 
 @pytest.mark.slow
@@ -285,12 +262,12 @@ def test_settings_are_keys_of_config_and_too_much_is_refused():
 OF_IDEAS = ("ruth", "blanes_moan_s6o4", "babps8o7h", "babs7o7h", "srkn_b11", "chin_4a")
 EXACT = ("aba864",)
 FEW_POTENTIALS = ProofSettings(systems=12, t_end="15", tau_per_stage=("0.05", "0.1"))
-FOUR = np.geomspace(WEAKEST, STRONGEST, 4)
+FOUR = np.geomspace(made.WEAKEST, made.STRONGEST, 4)
 
 
 @pytest.fixture(scope="module")
 def scaled():
-    return scaled_potentials(3, FOUR, 5, 20.0)
+    return made.scaled_potentials(3, FOUR, 5, 20.0)
 
 
 def test_strengths_scale_cubic_and_quartic_coefficients_only(scaled):
@@ -317,12 +294,12 @@ def declared(whole, squares, rest):
 @pytest.mark.slow
 def test_exact_oscillator_errs_as_single_runs_do_at_equal_cost(scaled):
     taus = np.array([0.05, 0.1])
-    found = 10 ** log_errors(with_exact_oscillators(scaled), ["aba864"], taus * CHARGE_OF_ROTATIONS, 0.0)[0]
+    found = 10 ** made.log_errors(with_exact_oscillators(scaled), ["aba864"], taus * made.CHARGE_OF_ROTATIONS, 0.0)[0]
     for m in (0, 6, 11):
         system = declared(scaled, scaled.parameters[m, :4:2], scaled.parameters[m, 4::2])
         start = scaled.start[m].reshape(4, 2)
         for t, tau in enumerate(taus):
-            steps = round(20 / (tau * CHARGE_OF_ROTATIONS * 7))
+            steps = round(20 / (tau * made.CHARGE_OF_ROTATIONS * 7))
             run = nh.integrate(
                 system, "aba864", Fraction(20, steps), t_end=20, q0=start[0], p0=start[2],
                 split="exact_oscillator", summation="plain", samples=2,
@@ -353,8 +330,12 @@ def of_ideas(values):
 
 def test_leader_has_least_mean_error_and_lead_over_second():
     values = {"exact_oscillator": [-8, -4], "trained_exact": [-9, -4.25], "harmonic_conditions": [-7, -5]}
-    best = ideas_reduction.of(of_ideas(values | {"nystrom": [-6, -5.5], "general": [-5, -5]}), over="problem")
-    found = {name: entry.values for name, entry in best.assign(ideas_reduction.of(best, over="resample")).items()}
+    best = reductions.ideas_reduction.of(
+        of_ideas(values | {"nystrom": [-6, -5.5], "general": [-5, -5]}), over="problem"
+    )
+    found = {
+        name: entry.values for name, entry in best.assign(reductions.ideas_reduction.of(best, over="resample")).items()
+    }
     assert found["leader"].tolist() == [["trained_exact", "nystrom"]]
     assert found["lead"][0] == pytest.approx([1, 0.5])
     assert found["leader_split"].tolist() == [["harmonic_conditions", "nystrom"]]
@@ -373,13 +354,13 @@ def test_leader_has_least_mean_error_and_lead_over_second():
 
 @pytest.mark.slow
 def test_table_has_row_and_equal_numbers_for_each_cell(tmp_path):
-    job.write(ideas_measure(OF_IDEAS, EXACT, FEW_POTENTIALS)["run"], [str(tmp_path / "run.h5")], {})
-    made_here = reduce_ideas(OF_IDEAS, EXACT, FEW_POTENTIALS, str(tmp_path / "run.h5"))
+    job.write(made.ideas_measure(OF_IDEAS, EXACT, FEW_POTENTIALS)["run"], [str(tmp_path / "run.h5")], {})
+    made_here = reductions.reduce_ideas(OF_IDEAS, EXACT, FEW_POTENTIALS, str(tmp_path / "run.h5"))
     values = {name: entry.values for name, entry in made_here["cube"].variables.items()}
     rows = made_here["table"].records()
-    assert len(rows) == 2 * STRENGTHS
+    assert len(rows) == 2 * made.STRENGTHS
     for n, row in enumerate(rows):
-        t, j = divmod(n, STRENGTHS)
+        t, j = divmod(n, made.STRENGTHS)
         gains = {idea: row[idea] for idea in IDEAS}
         assert (
             row["ahead"] == values["leader"][t, j] == max(IDEAS, key=lambda idea: np.nan_to_num(gains[idea], nan=-99))
@@ -400,13 +381,15 @@ SHORT = ProofSettings(
 
 def henon_heiles_starts():
     (one,) = (one for one in NAMED if one.name == "henon_heiles")
-    return named_ensemble(one, STARTS, 3, 100.0)
+    return named_ensemble(one, made.STARTS, 3, 100.0)
 
 
 def reduced(*methods, steps=2000):
     """Reductions of long runs on the Hénon-Heiles system, by method."""
-    variables = long_runs({"henon_heiles": henon_heiles_starts()}, [nh.integrators[name] for name in methods], steps)
-    return long_reduction.of(assembled(variables, ("label", "step"), {}), over="problem").isel(system=0)
+    variables = made.long_runs(
+        {"henon_heiles": henon_heiles_starts()}, [nh.integrators[name] for name in methods], steps
+    )
+    return reductions.long_reduction.of(assembled(variables, ("label", "step"), {}), over="problem").isel(system=0)
 
 
 def test_a_run_is_that_of_integrate(tmp_path):
@@ -419,9 +402,9 @@ def test_a_run_is_that_of_integrate(tmp_path):
 def test_trend_that_is_put_in_is_found_within_its_interval():
     slope, random = 3e-7, np.random.default_rng(4)
     marks = np.arange(0, 2001, 5)
-    own = slope + 1e-8 * random.normal(size=(STARTS, 1))
+    own = slope + 1e-8 * random.normal(size=(made.STARTS, 1))
     errors = own * (marks / 2000) + 1e-7 * np.sin(marks * 0.37)
-    found = trends(xr.Dataset({"energy_error": (("problem", "sample"), errors), "step": ("sample", marks)}))
+    found = reductions.trends(xr.Dataset({"energy_error": (("problem", "sample"), errors), "step": ("sample", marks)}))
     width = found.trend_half_width.item()
     # Student's t of 15 degrees of freedom is 2.13; the spread of 16 numbers is known to a fifth or so.
     assert width == pytest.approx(2.13 * 1e-8 / 4, rel=0.5)
@@ -447,8 +430,8 @@ def test_rounding_errors_are_few_units_and_smaller_when_compensated():
 
 @pytest.mark.slow
 def test_table_has_rows_of_method_beside_and_of_all_others():
-    found = long_runs_measure(("ruth",), "babps8o7h", SHORT)["run"]
-    table = long_table(assembled(found.variables, found.coordinates, {}))
+    found = made.long_runs_measure(("ruth",), "babps8o7h", SHORT)["run"]
+    table = reductions.long_table(assembled(found.variables, found.coordinates, {}))
     rows = table.records()
     assert [(row["system"], row["method"]) for row in rows] == [
         (system, method) for system in ("morse", "henon_heiles") for method in ("babps8o7h", "ruth")
@@ -469,7 +452,9 @@ def test_gains_at_equal_time_use_measured_charge(monkeypatch, tmp_path):
     monkeypatch.setattr(times, "costs", lambda _, width: (2.0, 3.0) if width > 1 else (8.0, 1e-9))
     monkeypatch.setattr(times, "kind_of", lambda name: "trained" if name == "chin_4a" else "published")
     job.write(times.proof_measure(methods, SHORT)["run"], [str(tmp_path / "run.h5")], {})
-    job.write(reduce_proof(methods, SHORT, str(tmp_path / "run.h5"))["cube"], [str(tmp_path / "cube.h5")], {})
+    job.write(
+        reductions.reduce_proof(methods, SHORT, str(tmp_path / "run.h5"))["cube"], [str(tmp_path / "cube.h5")], {}
+    )
     table = times.measure_times(str(tmp_path / "cube.h5"), methods, SHORT)["table"]
     rows = table.records()
     assert {(row["ns_lanes"], row["ns_single"], row["charge_lanes"]) for row in rows} == {(2.0, 8.0, 3.0)}

@@ -58,6 +58,14 @@ def drawn(line):
     return np.isfinite(line.get_transform().transform(np.column_stack(line.get_data()))).all(axis=1)
 
 
+def seen(line):
+    """Points of ``line`` that a reader sees: joined to a neighbour, or with a marker."""
+    there = np.pad(drawn(line), 1)
+    marks = np.zeros(there.size - 2, bool)
+    marks[slice(None) if line.get_markevery() is None else line.get_markevery()] = line.get_marker() != "none"
+    return there[1:-1] & (there[:-2] | there[2:] | marks)
+
+
 def entries(legend):
     """Text -> the lines and patches beside it, of every entry of ``legend``, in their order."""
     found = {}

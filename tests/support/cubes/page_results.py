@@ -19,7 +19,7 @@ SYSTEMS = {"sho": "oscillator of the tests", "henon_heiles": "<b>galaxy</b> & te
 STATUS = {0: "skipped", 11: "skipped", made.TAU.size - 1: "diverged"}
 
 #: Panels of each figure.
-PLOTS = {"1": 2, "2": 2, "3": 2, "4": 1, "5": 2, "6": 4}
+PLOTS = {"1": 2, "2": 2, "3": 2, "4": 1, "5": 2, "6": 4, "gain": 2}
 
 CLAIMS = [
     ("one", "Section 4, Figure 1", "The slope is <6> & steep", "holds", "6.02 ± 0.01", "6 ± 0.3"),

@@ -14,10 +14,7 @@ from support.oracles.word_series import operators_of
 def henon_heiles(q, _):
     x, y = q
     f = x + 2 * x * y, y + x * x - y * y
-    return f, (
-        2 * ((1 + 2 * y) * f[0] + 2 * x * f[1]),
-        2 * (2 * x * f[0] + (1 - 2 * y) * f[1]),
-    )
+    return f, (2 * ((1 + 2 * y) * f[0] + 2 * x * f[1]), 2 * (2 * x * f[0] + (1 - 2 * y) * f[1]))
 
 
 def kepler(GM):

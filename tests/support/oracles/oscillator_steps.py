@@ -48,11 +48,7 @@ def henon_heiles(x, y):
 def chain(x, y, z):
     """Gradient of V below, without the oscillators of frequencies 1.5, 2 and 0."""
     g = mpf("0.3")
-    return (
-        g * 3 * (x - y) ** 2 / 10,
-        -g * 3 * (x - y) ** 2 / 10 + sin(y - z),
-        -sin(y - z),
-    )
+    return (g * 3 * (x - y) ** 2 / 10, -g * 3 * (x - y) ** 2 / 10 + sin(y - z), -sin(y - z))
 
 
 QUARTIC = Oscillators(

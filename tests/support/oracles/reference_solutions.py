@@ -40,9 +40,4 @@ def kepler_state(aphelion, slowest, GM, t):
     anomaly = findroot(lambda E: E - e * sin(E) - mean, mean + e * sin(mean))
     b, rate = a * sqrt(1 - e * e), sqrt(GM / a**3) / (1 - e * cos(anomaly))
     # The perihelion lies on the negative x axis: the textbook ellipse turned by half a turn.
-    return (
-        -a * (cos(anomaly) - e),
-        -b * sin(anomaly),
-        a * sin(anomaly) * rate,
-        -b * cos(anomaly) * rate,
-    )
+    return (-a * (cos(anomaly) - e), -b * sin(anomaly), a * sin(anomaly) * rate, -b * cos(anomaly) * rate)

@@ -50,10 +50,7 @@ class Formulas:
 
 def _henon_heiles_square(q):
     x, y = q
-    return [
-        [2 * x, 12 * x * y, 4 * x**3, 4 * x * y * y],
-        [2 * y, 6 * x * x, -6 * y * y, 4 * y**3, 4 * x * x * y],
-    ]
+    return [[2 * x, 12 * x * y, 4 * x**3, 4 * x * y * y], [2 * y, 6 * x * x, -6 * y * y, 4 * y**3, 4 * x * x * y]]
 
 
 def _kepler(power, factor):

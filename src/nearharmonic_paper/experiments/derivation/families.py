@@ -15,17 +15,7 @@ from nearharmonic.integrators.nielsen_2015 import TABLEAUS
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.compiled import RandomStarts
 from nearharmonic.output.table import progress
-from nearharmonic_paper.experiments.derivation.search import (
-    Equations,
-    PolishedSolution,
-    agreeing_decimals,
-    eliminate,
-    equations_of,
-    polish,
-    reduced_system,
-    sample,
-    search,
-)
+from nearharmonic_paper.experiments.derivation import search as searching
 
 # --- All real solutions of a case without free parameters: search, exact count, refinement and proof.
 #
@@ -71,7 +61,7 @@ class Root:
     largest_coefficient: float
     higher: tuple[float, ...]
 
-    def tableau(self, equations: Equations, name: str, digits: int) -> Tableau:
+    def tableau(self, equations: searching.Equations, name: str, digits: int) -> Tableau:
         """This solution as an integrator of order 4, rounded to ``digits`` decimals."""
         rows = ([fixed_point(c, digits) for c in row] for row in (self.outer, self.inner))
         source = f"derived: {equations.stages} stages, harmonic order {equations.harmonic_order}"
@@ -90,7 +80,7 @@ class IsolatedSolutions:
     or not proved.
     """
 
-    equations: Equations
+    equations: searching.Equations
     roots: tuple[Root, ...]
     complex_solutions: int | None
     real_solutions: int | None
@@ -123,11 +113,11 @@ class Reach:
 
 
 def solve(
-    equations: Equations, starts: RandomStarts, *, digits: int = DIGITS, eliminable: int = ELIMINABLE
+    equations: searching.Equations, starts: RandomStarts, *, digits: int = DIGITS, eliminable: int = ELIMINABLE
 ) -> IsolatedSolutions:
     """Find all real solutions of a case without free parameters, from random starts and by elimination."""
-    found = search(equations, starts)
-    elimination = eliminate(equations) if equations.stages <= eliminable else None
+    found = searching.search(equations, starts)
+    elimination = searching.eliminate(equations) if equations.stages <= eliminable else None
     candidates = [(tuple(point.tolist()), hits, False) for point, hits in zip(found.points, found.hits, strict=True)]
     for start in elimination.starts if elimination else ():
         candidates = _joined(candidates, start)
@@ -151,13 +141,13 @@ def reach(
     """
     results = []
     for s in stages:
-        case = known.get(s) or solve(Equations(s, s + 1), starts, digits=digits)
+        case = known.get(s) or solve(searching.Equations(s, s + 1), starts, digits=digits)
         if case.roots:
             highest, settled = s + 1, case.complete and all(root.higher[0] > NOT_ZERO for root in case.roots)
         else:
-            highest = s if _exists(Equations(s, s), starts) else 0
+            highest = s if _exists(searching.Equations(s, s), starts) else 0
             settled = case.complete and highest > 0
-        complex_solutions = reduced_system(case.equations).complex_solutions
+        complex_solutions = searching.reduced_system(case.equations).complex_solutions
         results.append(Reach(s, 2 * s, highest, len(case.roots), complex_solutions, case.starts, settled))
         progress(f"{s} stages: harmonic order {highest}")
     return results
@@ -172,7 +162,9 @@ def _joined(candidates: list[Candidate], start: Sequence[Any]) -> list[Candidate
     return [*candidates, (tuple(start), 0, True)]
 
 
-def _proved(equations: Equations, candidates: Sequence[Candidate], digits: int) -> tuple[list[Root], list[str]]:
+def _proved(
+    equations: searching.Equations, candidates: Sequence[Candidate], digits: int
+) -> tuple[list[Root], list[str]]:
     """Return the proved solutions near ``candidates``, sorted by sum of |coefficients|, and remarks on the others."""
     roots: list[Root] = []
     unfinished: list[str] = []
@@ -186,8 +178,8 @@ def _proved(equations: Equations, candidates: Sequence[Candidate], digits: int) 
     return sorted(roots, key=lambda root: root.sum_of_absolute_values), unfinished
 
 
-def _root(equations: Equations, start: Sequence[Any], digits: int, hits: int, eliminated: bool) -> Root | str:
-    polished = polish(equations, start, digits=digits)
+def _root(equations: searching.Equations, start: Sequence[Any], digits: int, hits: int, eliminated: bool) -> Root | str:
+    polished = searching.polish(equations, start, digits=digits)
     place = ", ".join(f"{float(c):.6f}" for c in start)
     if not polished.converged:
         return f"({place}): Newton's method reached a residual of {mp.nstr(polished.residual, 3)}, not 1e-{digits}"
@@ -205,13 +197,13 @@ def _root(equations: Equations, start: Sequence[Any], digits: int, hits: int, el
     )  # fmt: skip
 
 
-def _exists(equations: Equations, starts: RandomStarts) -> bool:
+def _exists(equations: searching.Equations, starts: RandomStarts) -> bool:
     """Return True if a random start leads to a proved solution."""
     few = replace(starts, count=min(starts.count, FEW), bound=NEAR)
-    for x in sample(equations, few)[:TRIED].tolist():
+    for x in searching.sample(equations, few)[:TRIED].tolist():
         _, pivots = rank_and_pivots(equations.jacobian, x)
         fixed = [j for j in range(equations.unknowns) if j not in pivots]
-        found = polish(equations, x, digits=50, fixed=fixed)
+        found = searching.polish(equations, x, digits=50, fixed=fixed)
         if found.converged and (
             prove(equations.residuals, equations.jacobian, found.unknowns, radius="1e-30", fixed=fixed).proved
         ):
@@ -224,9 +216,9 @@ def _exists(equations: Equations, starts: RandomStarts) -> bool:
 # A set in a family with free parameters is proved, continued to more digits, and ranked among random members.
 
 #: The sets of Nielsen (2015), Table 4, that the conditions determine uniquely.
-UNIQUE = tuple(tableau.name for tableau in TABLEAUS if equations_of(tableau).free_parameters == 0)
+UNIQUE = tuple(tableau.name for tableau in TABLEAUS if searching.equations_of(tableau).free_parameters == 0)
 #: The sets of Nielsen (2015), Table 4, with free parameters.
-PRINTED = tuple(tableau.name for tableau in TABLEAUS if equations_of(tableau).free_parameters > 0)
+PRINTED = tuple(tableau.name for tableau in TABLEAUS if searching.equations_of(tableau).free_parameters > 0)
 #: Number of orders above the harmonic order that are the "higher order SHO errors" of the paper's criterion.
 HIGHER_ORDERS = 4
 
@@ -253,13 +245,13 @@ class PrintedPoint:
     """
 
     name: str
-    equations: Equations
+    equations: searching.Equations
     rank: int
     free_parameters: int
     fixed: tuple[int, ...]
     printed_residual: Any
     proof: Proof
-    continued: PolishedSolution
+    continued: searching.PolishedSolution
     decimals: int
 
 
@@ -293,7 +285,7 @@ def agreement(name: str, isolated: Sequence[IsolatedSolutions]) -> Agreement:
     """Find the root of the cases that equals a printed set, and the number of equal decimals."""
     tableau = integrators[name]
     (roots,) = (case.roots for case in isolated if case.equations.stages == tableau.stages)
-    decimals = [agreeing_decimals(tableau, root.outer, root.inner) for root in roots]
+    decimals = [searching.agreeing_decimals(tableau, root.outer, root.inner) for root in roots]
     most = max(decimals, default=0)
     return Agreement(name, decimals.index(most) if most else None, most)
 
@@ -301,15 +293,15 @@ def agreement(name: str, isolated: Sequence[IsolatedSolutions]) -> Agreement:
 def printed_point(name: str, *, digits: int = 128) -> PrintedPoint:
     """Prove a printed set, and continue it to ``digits`` decimals."""
     tableau = integrators[name]
-    equations = equations_of(tableau)
+    equations = searching.equations_of(tableau)
     printed = equations.tableau_unknowns(tableau)
     rank, pivots = rank_and_pivots(equations.jacobian, printed)
     fixed = tuple(j for j in range(equations.unknowns) if j not in pivots)
-    continued = polish(equations, printed, digits=digits)
+    continued = searching.polish(equations, printed, digits=digits)
     with mp.workdps(30):
         largest = max(as_mpf(abs(k)) for k in equations.residuals(printed))
     proof = prove(equations.residuals, equations.jacobian, printed, radius=f"1e-{tableau.digits - 2}", fixed=fixed)
-    decimals = agreeing_decimals(tableau, continued.outer, continued.inner) if continued.converged else 0
+    decimals = searching.agreeing_decimals(tableau, continued.outer, continued.inner) if continued.converged else 0
     free = equations.unknowns - rank
     return PrintedPoint(name, equations, rank, free, fixed, largest, proof, continued, decimals)
 
@@ -319,11 +311,11 @@ def rank_printed(names: Sequence[str], starts: RandomStarts) -> list[Ranking]:
 
     The sample of members is not uniform. Sets of one family share a sample.
     """
-    rankings, families = [], dict[Equations, Any]()
+    rankings, families = [], dict[searching.Equations, Any]()
     for name in names:
-        equations = equations_of(integrators[name])
+        equations = searching.equations_of(integrators[name])
         if equations not in families:
-            points = sample(equations, starts)
+            points = searching.sample(equations, starts)
             families[equations] = points, np.array([_criteria(equations, x) for x in points.tolist()])
         rankings.append(_ranking(name, equations, starts.count, *families[equations]))
     return rankings
@@ -357,7 +349,7 @@ def derived_tableaus(
     return tableaus
 
 
-def _ranking(name: str, equations: Equations, starts: int, points: Any, criteria: Any) -> Ranking:
+def _ranking(name: str, equations: searching.Equations, starts: int, points: Any, criteria: Any) -> Ranking:
     printed = [float(c) for c in equations.tableau_unknowns(integrators[name])]
     own = np.array(_criteria(equations, printed))
     smaller = criteria < own
@@ -374,7 +366,7 @@ def _ranking(name: str, equations: Equations, starts: int, points: Any, criteria
     )  # fmt: skip
 
 
-def _criteria(equations: Equations, x: Sequence[float]) -> list[float]:
+def _criteria(equations: searching.Equations, x: Sequence[float]) -> list[float]:
     """Return the sum of all |coefficients|, then |kappa| of the orders above the harmonic order."""
     outer, inner = equations.palindromes(x)
     highest = equations.harmonic_order
@@ -382,7 +374,7 @@ def _criteria(equations: Equations, x: Sequence[float]) -> list[float]:
     return [float(sum(map(abs, [*outer, *inner]))), *(abs(float(k)) for k in higher)]
 
 
-def _slopes(equations: Equations, x: Sequence[float]) -> list[float]:
+def _slopes(equations: searching.Equations, x: Sequence[float]) -> list[float]:
     """Return the lengths of the gradients of the criteria along the family, by central differences."""
     jacobian = np.array(equations.jacobian(x), dtype=float)
     tangents = np.linalg.svd(jacobian)[2][len(jacobian) :]

@@ -19,22 +19,8 @@ from nearharmonic.output.table import Table, progress
 from nearharmonic.systems.henon_heiles import SYSTEM
 from nearharmonic.theory.oscillator import harmonic_energy_error
 from nearharmonic.theory.table_4 import table_4
+from nearharmonic_paper.experiments.derivation import families as sets
 from nearharmonic_paper.experiments.derivation.experiment import DerivationSettings
-from nearharmonic_paper.experiments.derivation.families import (
-    CASES,
-    PRINTED,
-    UNIQUE,
-    IsolatedSolutions,
-    PrintedPoint,
-    Ranking,
-    Reach,
-    agreement,
-    derived_tableaus,
-    printed_point,
-    rank_printed,
-    reach,
-    solve,
-)
 from nearharmonic_paper.experiments.derivation.search import Equations, Simplex, SimplexRun, simplex_runs
 
 ROLES: tuple[First, ...] = ("drift", "kick")
@@ -42,7 +28,7 @@ ROLES: tuple[First, ...] = ("drift", "kick")
 DIGITS_OF_ERRORS = 40
 
 
-def solutions(cases: Sequence[IsolatedSolutions]) -> Table:
+def solutions(cases: Sequence[sets.IsolatedSolutions]) -> Table:
     """Tabulate every real solution of each isolated case."""
     header = (
         "stages", "harmonic order", "solution", "half of the outer row", "half of the inner row",
@@ -61,7 +47,7 @@ def solutions(cases: Sequence[IsolatedSolutions]) -> Table:
     return Table(header=header, rows=rows, caption="All real solutions of the isolated cases.")
 
 
-def counts(cases: Sequence[IsolatedSolutions]) -> Table:
+def counts(cases: Sequence[sets.IsolatedSolutions]) -> Table:
     """Tabulate the number of solutions of each isolated case, and the proof of completeness."""
     header = (
         "stages", "harmonic order", "complex solutions", "real solutions by Sturm", "proved to exist", "complete",
@@ -77,14 +63,14 @@ def counts(cases: Sequence[IsolatedSolutions]) -> Table:
     return Table(header=header, rows=rows, caption="Number of solutions, and the reason why none is missing.")
 
 
-def reach_of_stages(reaches: Sequence[Reach]) -> Table:
+def reach_of_stages(reaches: Sequence[sets.Reach]) -> Table:
     """Tabulate the paper's remark on stages: lambda_max and the largest harmonic order with a real solution."""
     header = ("stages", "lambda_max", "harmonic order reached", "solutions at order s + 1", "starts", "proved largest")
     rows = [(r.stages, r.lambda_max, r.harmonic_order, r.solutions, r.starts, _yes(r.proved_largest)) for r in reaches]
     return Table(header=header, rows=rows, caption="Largest harmonic order by number of stages.")
 
 
-def families(printed: Sequence[PrintedPoint], rankings: Sequence[Ranking]) -> Table:
+def families(printed: Sequence[sets.PrintedPoint], rankings: Sequence[sets.Ranking]) -> Table:
     """Tabulate each printed set with free parameters, with its ranking; ``rankings`` are in any order."""
     header = (
         "set", "stages", "harmonic order", "free parameters", "printed residual", "decimals after continuation",
@@ -105,7 +91,9 @@ def families(printed: Sequence[PrintedPoint], rankings: Sequence[Ranking]) -> Ta
     return Table(header=header, rows=rows, caption="Printed members of families, and their ranks.")
 
 
-def routes(cases: Sequence[IsolatedSolutions], simplex: Sequence[SimplexRun], seconds: Mapping[str, float]) -> Table:
+def routes(
+    cases: Sequence[sets.IsolatedSolutions], simplex: Sequence[SimplexRun], seconds: Mapping[str, float]
+) -> Table:
     """Compare our method (``cases``) with the paper's (``simplex``) by digits and work.
 
     ``seconds`` are wall times on this machine, of our method by case among others.
@@ -131,7 +119,7 @@ def routes(cases: Sequence[IsolatedSolutions], simplex: Sequence[SimplexRun], se
     return Table(header=header, rows=rows, caption=caption, volatile=["seconds"])
 
 
-def solution_errors(isolated: IsolatedSolutions, tau_per_stage: Sequence[float]) -> Table:
+def solution_errors(isolated: sets.IsolatedSolutions, tau_per_stage: Sequence[float]) -> Table:
     """Measure every solution of a case on two systems, drift first and kick first.
 
     The error |H - H0|/|H0| is the exact supremum over arbitrarily many steps on the harmonic oscillator. On the
@@ -167,11 +155,11 @@ def derive(settings: DerivationSettings, digits: int = 128) -> dict[str, Table |
     """
     seed, seconds = settings.seed, dict[str, float]()
     part = partial(_timed, seconds)
-    isolated: list[IsolatedSolutions] = []
-    for stages, order in CASES:
+    isolated: list[sets.IsolatedSolutions] = []
+    for stages, order in sets.CASES:
         with part(f"isolated_{stages}"):
             starts = RandomStarts(settings.starts, seed, box=2.5, bound=20.0)
-            isolated.append(solve(Equations(stages, order), starts, digits=digits))
+            isolated.append(sets.solve(Equations(stages, order), starts, digits=digits))
     cases = {case.equations.stages: case for case in isolated}
     simplex: list[SimplexRun] = []
     each = Simplex(digits=digits, evaluations=settings.simplex_evaluations)
@@ -181,16 +169,16 @@ def derive(settings: DerivationSettings, digits: int = 128) -> dict[str, Table |
             known = [(root.outer, root.inner) for root in case.roots]
             simplex += simplex_runs(case.equations, known, starts=settings.simplex_starts, seed=seed, settings=each)
     with part("printed"):
-        printed = [printed_point(name, digits=digits) for name in PRINTED]
+        printed = [sets.printed_point(name, digits=digits) for name in sets.PRINTED]
     with part("families"):
-        rankings = rank_printed(PRINTED, RandomStarts(settings.family_starts, seed, bound=5.0))
+        rankings = sets.rank_printed(sets.PRINTED, RandomStarts(settings.family_starts, seed, bound=5.0))
     with part("growth"):
         starts = RandomStarts(settings.growth_starts, seed, bound=20.0)
-        reaches = reach(settings.growth_stages, starts, cases, digits=digits)
-    agreements = [agreement(name, isolated) for name in UNIQUE]
+        reaches = sets.reach(settings.growth_stages, starts, cases, digits=digits)
+    agreements = [sets.agreement(name, isolated) for name in sets.UNIQUE]
     found = {"isolated": isolated, "agreements": agreements, "simplex": simplex, "printed": printed}
     found |= {"rankings": rankings, "reaches": reaches}
-    header, rows = table_4(derived_tableaus(isolated, agreements, printed, digits))
+    header, rows = table_4(sets.derived_tableaus(isolated, agreements, printed, digits))
     return {
         "document": {"seed": seed, "digits": digits} | _plain(found),
         "table4_derived": Table(header=header, rows=rows, caption="Table 4, printed and derived."),

@@ -16,30 +16,7 @@ from gmpy2 import mpz
 from mpmath import mp, mpf
 
 from nearharmonic.core.numba_code import jit
-from nearharmonic.exact import words
-from nearharmonic.exact.polynomials import (
-    GUARD,
-    BigFloat,
-    Echelon,
-    Multivariate,
-    PowerSeries,
-    Quotient,
-    SparseVector,
-    add,
-    as_mpf,
-    constants,
-    decimals_in_common,
-    fixed_point,
-    inverse,
-    newton,
-    real_root_count,
-    real_roots,
-    sturm_chain,
-    variable,
-    weight,
-    whole,
-)
-from nearharmonic.exact.polynomials import multivariate_product as product
+from nearharmonic.exact import polynomials, words
 from nearharmonic.integrators.tableau import First, Tableau
 from nearharmonic.numerics.compiled import Damping, RandomStarts, distinct, iteration, marquardt_step
 from nearharmonic.numerics.portable import Bools, Floats
@@ -48,7 +25,7 @@ from nearharmonic.theory.order_conditions import SymmetricSteps
 
 # --- The harmonic order conditions of a symmetric tableau, in the arithmetic of their unknowns.
 
-Numbers = list[BigFloat]
+Numbers = list[polynomials.BigFloat]
 
 #: q(t) = cos t - sin t from q = -p = 1 (Nielsen 2015, Eq. 12 with a = -b = 1): its derivatives at 0 by order modulo 4.
 DERIVATIVES = (1, -1, -1, 1)
@@ -84,16 +61,16 @@ class Equations(SymmetricSteps):
         kick, drift = (outer, inner) if self.first == "kick" else (inner, outer)
         return Tableau(order=4, first=self.first, kick=tuple(kick), drift=tuple(drift), **about)
 
-    def residuals(self, x: Sequence[BigFloat]) -> Numbers:
+    def residuals(self, x: Sequence[polynomials.BigFloat]) -> Numbers:
         """Return signed kappa_3, ..., kappa_lambda: q^(l)(0) - l! zeta_l."""
         return self.errors(x, self.harmonic_order)[LOWEST_CONDITION - 1 :]
 
-    def errors(self, x: Sequence[BigFloat], highest: int) -> Numbers:
+    def errors(self, x: Sequence[polynomials.BigFloat], highest: int) -> Numbers:
         """Return signed kappa_1, ..., kappa_highest; the conditions make them vanish up to the harmonic order."""
         zeta = words.states(self.step(x), highest)[-1][0]
         return [DERIVATIVES[n % 4] - factorial(n) * zeta[n] for n in range(1, highest + 1)]
 
-    def jacobian(self, x: Sequence[BigFloat]) -> list[Numbers]:
+    def jacobian(self, x: Sequence[polynomials.BigFloat]) -> list[Numbers]:
         """Return the derivatives of the residuals: one row per condition, one column per unknown."""
         powers = range(LOWEST_CONDITION, self.harmonic_order + 1)
         by_factor = words.slopes(self.step(x), self.harmonic_order, words.POSITION)
@@ -110,23 +87,23 @@ class PolishedSolution:
     """
 
     converged: bool
-    residual: BigFloat
-    correction: BigFloat
+    residual: polynomials.BigFloat
+    correction: polynomials.BigFloat
     iterations: int
-    unknowns: tuple[BigFloat, ...]
+    unknowns: tuple[polynomials.BigFloat, ...]
     outer: tuple[str, ...]
     inner: tuple[str, ...]
 
 
 def polish(
-    equations: Equations, start: Sequence[BigFloat], *, digits: int = 128, fixed: Sequence[int] = ()
+    equations: Equations, start: Sequence[polynomials.BigFloat], *, digits: int = 128, fixed: Sequence[int] = ()
 ) -> PolishedSolution:
     """Return the solution near ``start``, its rows to ``digits`` decimals; unknowns with indices ``fixed`` are kept."""
-    limit = newton(equations.residuals, equations.jacobian, start, digits=digits, fixed=fixed)
+    limit = polynomials.newton(equations.residuals, equations.jacobian, start, digits=digits, fixed=fixed)
     point = limit.point if limit.converged else ()
-    with mp.workdps(digits + GUARD):
+    with mp.workdps(digits + polynomials.GUARD):
         rows = equations.palindromes(point) if limit.converged else ((), ())
-    outer, inner = (tuple(fixed_point(c, digits) for c in row) for row in rows)
+    outer, inner = (tuple(polynomials.fixed_point(c, digits) for c in row) for row in rows)
     return PolishedSolution(limit.converged, limit.residual, limit.correction, limit.iterations, point, outer, inner)
 
 
@@ -145,7 +122,7 @@ def agreeing_decimals(tableau: Tableau, outer: Sequence[str], inner: Sequence[st
     equations = equations_of(tableau)
     printed = equations.halved(tableau.outer, tableau.inner)
     derived = equations.halved(list(outer), list(inner))
-    return min(decimals_in_common(a, b, tableau.digits) for a, b in zip(printed, derived, strict=True))
+    return min(polynomials.decimals_in_common(a, b, tableau.digits) for a, b in zip(printed, derived, strict=True))
 
 
 def _folded(gradients: list[Numbers]) -> list[Numbers]:
@@ -180,10 +157,10 @@ class ReducedSystem:
     """The remaining conditions in y_1, ..., y_k, their weights, and the series A and B in terms of y."""
 
     variables: int
-    conditions: tuple[Multivariate, ...]
+    conditions: tuple[polynomials.Multivariate, ...]
     weights: tuple[int, ...]
-    A: PowerSeries
-    B: PowerSeries
+    A: polynomials.PowerSeries
+    B: polynomials.PowerSeries
 
     @property
     def complex_solutions(self) -> int:
@@ -213,29 +190,31 @@ def eliminate(equations: Equations) -> Elimination:
     This takes 0.01, 0.01, 0.3 and 2 s for 5, 6, 7 and 8 stages.
     """
     system = reduced_system(equations)
-    ring = Quotient(system.conditions, system.weights)
+    ring = polynomials.Quotient(system.conditions, system.weights)
     powers = [ring.one]
     for _ in range(system.complex_solutions):
         powers.append(ring.times_first(powers[-1]))
-    relations = Echelon()
-    relation: SparseVector | None = None
+    relations = polynomials.Echelon()
+    relation: polynomials.SparseVector | None = None
     for n, power in enumerate(powers):
         relation = relations.insert(power, n)
         if relation is not None:
             break
     assert relation is not None  # N + 1 vectors in a space of dimension N
-    eliminant = whole([relation.get(n, Fraction(0)) for n in range(max(relation) + 1)])
-    chain = sturm_chain(eliminant)
+    eliminant = polynomials.whole([relation.get(n, Fraction(0)) for n in range(max(relation) + 1)])
+    chain = polynomials.sturm_chain(eliminant)
     simple = len(eliminant) - 1 == system.complex_solutions and len(chain[-1]) == 1
     others = [relations.express(ring.coordinate(i)) for i in range(system.variables)] if simple else []
     points = []
     with mp.workdps(BITS // 4):
-        for root in real_roots(eliminant, BITS) if simple else ():
+        for root in polynomials.real_roots(eliminant, BITS) if simple else ():
             y = [sum((c * root**n for n, c in other.items()), Fraction(0)) for other in others]
-            start = _tableau_unknowns(equations, system, list(map(as_mpf, y)))
+            start = _tableau_unknowns(equations, system, list(map(polynomials.as_mpf, y)))
             if start is not None:
                 points.append(start)
-    return Elimination(system.complex_solutions, real_root_count(chain), simple, tuple(eliminant), tuple(points))
+    return Elimination(
+        system.complex_solutions, polynomials.real_root_count(chain), simple, tuple(eliminant), tuple(points)
+    )
 
 
 def reduced_system(equations: Equations) -> ReducedSystem:
@@ -246,33 +225,44 @@ def reduced_system(equations: Equations) -> ReducedSystem:
     sine = [Fraction((-1) ** i, 2 * factorial(2 * i + 1)) for i in range(length)]  # sin(tau/2) cos(tau/2) / tau
     cosine = [Fraction(1), *(Fraction((-1) ** i, 2 * factorial(2 * i)) for i in range(1, length))]  # cos(tau/2)^2
     k = m if odd or equations.first == "drift" else m - 1
-    one: Multivariate = {(0,) * k: Fraction(1)}
-    y = [one, *(variable(i, k) for i in range(k))]
-    sin_cos, cos_cos = constants(sine, k), constants(cosine, k)
-    tangent = product(sin_cos, inverse(cos_cos, length), length)
+    one: polynomials.Multivariate = {(0,) * k: Fraction(1)}
+    y = [one, *(polynomials.variable(i, k) for i in range(k))]
+    sin_cos, cos_cos = polynomials.constants(sine, k), polynomials.constants(cosine, k)
+    tangent = polynomials.multivariate_product(sin_cos, polynomials.inverse(cos_cos, length), length)
     if odd:  # B, C and D have m + 1 coefficients, A one more
         D = y
-        A, B = product(inverse(D, m + 2), cos_cos, m + 2), product(inverse(D, m + 1), sin_cos, m + 1)
-        C = _negative(product(D, tangent, m + 1))
+        A, B = (
+            polynomials.multivariate_product(polynomials.inverse(D, m + 2), cos_cos, m + 2),
+            polynomials.multivariate_product(polynomials.inverse(D, m + 1), sin_cos, m + 1),
+        )
+        C = _negative(polynomials.multivariate_product(D, tangent, m + 1))
     elif equations.first == "drift":  # exchanged roles: 2 A C has to be the sine
         A = y
-        D, C = product(inverse(A, m + 1), cos_cos, m + 1), _negative(product(inverse(A, m + 1), sin_cos, m + 1))
-        B = product(A, tangent, m)
+        D, C = (
+            polynomials.multivariate_product(polynomials.inverse(A, m + 1), cos_cos, m + 1),
+            _negative(polynomials.multivariate_product(polynomials.inverse(A, m + 1), sin_cos, m + 1)),
+        )
+        B = polynomials.multivariate_product(A, tangent, m)
     else:  # B has m coefficients, A and D one more; only the determinant fixes one coefficient of C
         b = y
         B = [{n: c / 2 for n, c in p.items()} for p in b]
-        D = product(inverse(b, m + 1), [{n: 2 * c for n, c in p.items()} for p in sin_cos], m + 1)
-        A = product(inverse(D, m + 1), cos_cos, m + 1)
-        rest = [{n: 2 * c for n, c in p.items()} for p in product(A, D, m + 2)[1:]]
-        C = product(inverse(b, m + 1), rest, m + 1)
-    determinant = product(A, D, s + 1)
-    determinant = [add(p, q, -1) for p, q in zip(determinant, [{}, *product(B, C, s)], strict=True)]
+        D = polynomials.multivariate_product(
+            polynomials.inverse(b, m + 1), [{n: 2 * c for n, c in p.items()} for p in sin_cos], m + 1
+        )
+        A = polynomials.multivariate_product(polynomials.inverse(D, m + 1), cos_cos, m + 1)
+        rest = [{n: 2 * c for n, c in p.items()} for p in polynomials.multivariate_product(A, D, m + 2)[1:]]
+        C = polynomials.multivariate_product(polynomials.inverse(b, m + 1), rest, m + 1)
+    determinant = polynomials.multivariate_product(A, D, s + 1)
+    determinant = [
+        polynomials.add(p, q, -1)
+        for p, q in zip(determinant, [{}, *polynomials.multivariate_product(B, C, s)], strict=True)
+    ]
     conditions = [p for p in determinant[1:] if p]
-    weights = [max(map(weight, p)) for p in conditions]
+    weights = [max(map(polynomials.weight, p)) for p in conditions]
     return ReducedSystem(k, tuple(conditions), tuple(weights), A, B)
 
 
-def _negative(series: PowerSeries) -> PowerSeries:
+def _negative(series: polynomials.PowerSeries) -> polynomials.PowerSeries:
     return [{n: -c for n, c in p.items()} for p in series]
 
 
@@ -295,8 +285,8 @@ def _tableau_unknowns(equations: Equations, system: ReducedSystem, y: Sequence[A
     return tuple(equations.halved(outer, inner))
 
 
-def _value(p: Multivariate, y: Sequence[Any]) -> Any:
-    terms = (as_mpf(c) * prod(v**e for v, e in zip(y, n, strict=True)) for n, c in p.items())
+def _value(p: polynomials.Multivariate, y: Sequence[Any]) -> Any:
+    terms = (polynomials.as_mpf(c) * prod(v**e for v, e in zip(y, n, strict=True)) for n, c in p.items())
     return sum(terms, mpf(0))
 
 

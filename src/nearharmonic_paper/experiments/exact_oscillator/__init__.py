@@ -10,15 +10,7 @@ from nearharmonic.integrators import expanded, integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.portable import geometric
 from nearharmonic.systems.henon_heiles import SYSTEM
-from nearharmonic_paper.entries import (
-    POSITIVE,
-    STRICT,
-    PositiveDecimal,
-    check_affordable,
-    positive_numbers,
-    setting,
-    whole_from,
-)
+from nearharmonic_paper import entries
 
 #: Cost ratios of a step with the exact oscillator for the comparison.
 CHARGES = (1.0, 1.1, 1.25, 1.5, 2.0)
@@ -28,26 +20,30 @@ CHARGES = (1.0, 1.1, 1.25, 1.5, 2.0)
 class ExactOscillatorSettings:
     """Energy error against amplitude with the oscillator solved exactly, at equal cost."""
 
-    __pydantic_config__ = STRICT
+    __pydantic_config__ = entries.STRICT
 
-    integrators: tuple[str, ...] = setting(
+    integrators: tuple[str, ...] = entries.setting(
         "Methods that solve the oscillator exactly, beside the methods with T and V",
         "a list of at least one integrator, each named once",
         each="the name of an integrator, or the path of a Python file that defines TABLEAU or TABLEAUS",
         default=("aba104", "aba864", "aba1064", "rnia12", "na7", "trained_exact_light", "trained_exact_fine"),
         min_length=1,
     )
-    energies: int = setting(
+    energies: int = entries.setting(
         "Energies of the Henon-Heiles system from 1/80000 to 1/6, even in the logarithm",
         default=17,
-        **whole_from(2, 1000),
+        **entries.whole_from(2, 1000),
     )
-    trajectories: int = setting("Quasi-random starts on each energy surface", default=192, **whole_from(1, 10**5))
-    t_end: PositiveDecimal = setting("Every run covers [0, t_end]", POSITIVE, unit="1", default="500")
-    tau_per_stage: tuple[PositiveDecimal, ...] = positive_numbers(
+    trajectories: int = entries.setting(
+        "Quasi-random starts on each energy surface", default=192, **entries.whole_from(1, 10**5)
+    )
+    t_end: entries.PositiveDecimal = entries.setting(
+        "Every run covers [0, t_end]", entries.POSITIVE, unit="1", default="500"
+    )
+    tau_per_stage: tuple[entries.PositiveDecimal, ...] = entries.positive_numbers(
         "Step sizes divided by the number of stages, equal for all methods", "0.1", "0.05"
     )
-    seed: int = setting("Chooses the quasi-random points", default=1, **whole_from(0))
+    seed: int = entries.setting("Chooses the quasi-random points", default=1, **entries.whole_from(0))
 
     def check(self, methods: Sequence[Tableau], problems: Collection[str]) -> None:
         """Raise an error for unknown integrators and for too many force evaluations."""
@@ -56,7 +52,7 @@ class ExactOscillatorSettings:
             check_fit(SYSTEM, tableau, EXACT_OSCILLATOR)
         runs = len(methods) + len(CHARGES) * len(exact)
         each = runs * self.energies * sum(float(self.t_end) / float(tau) for tau in self.tau_per_stage)
-        check_affordable("exact_oscillator.trajectories", self.trajectories, each)
+        entries.check_affordable("exact_oscillator.trajectories", self.trajectories, each)
 
     @property
     def methods(self) -> tuple[str, ...]:

@@ -55,11 +55,10 @@ def _draw(axes: Axes, one: xr.Dataset) -> None:
     energy = one["energy"].values
     for x in range(one["exact_integrator"].size):
         bounds = one["best_crossing_interval"].values[x]
-        at = one["best_crossing"].values[x]
         if np.isfinite(bounds).all() and (bounds > 0).all():
             axes.axvspan(*bounds, color=SHADE, linewidth=0, zorder=0)
-            name = str(one["exact_integrator"].values[x])
-            axes.axvline(at, color=style_of(name).colour, linewidth=0.8, linestyle=":", zorder=1)
+            colour = style_of(str(one["exact_integrator"].values[x])).colour
+            axes.axvline(one["best_crossing"].values[x], color=colour, linewidth=0.8, linestyle=":", zorder=1)
     for dimension, errors, changes in (
         ("integrator", "energy_error", {}),
         ("exact_integrator", "exact_energy_error", {"linestyle": DASHES}),
@@ -79,10 +78,9 @@ def _legend(drawn: Figure, cube: xr.Dataset) -> None:
     """Draw the legend with solid methods on the left, dashed ones on the right."""
     split = method_handles(cube["integrator"].values, cube["label"].values)
     exact = method_handles(cube["exact_integrator"].values, cube["exact_label"].values, linestyle=DASHES)
-    strip = Patch(color=SHADE, label="95 % interval of a crossing")
     for handles, title, at, columns in (
         (split, "split into T + V", 0.3, 4),
-        ([*exact, strip], "oscillator solved exactly", 0.79, 2),
+        ([*exact, Patch(color=SHADE, label="95 % interval of a crossing")], "oscillator solved exactly", 0.79, 2),
     ):
         drawn.legend(
             handles=handles, title=title, loc="upper center", bbox_to_anchor=(at, 0.175), ncols=columns,
@@ -109,6 +107,8 @@ def exact_oscillator_charge(cube: xr.Dataset) -> Figure:
         axes.set_xlabel("cost of an evaluation, exact oscillator over T + V")
         panel_letter(axes, i, _title(cube, tau))
     grid[0].set_ylabel(r"amplitude of crossing, $\sqrt{2H}$")
-    exact = method_handles(cube["exact_integrator"].values, cube["exact_label"].values, linestyle=DASHES)
+    crossing = cube["best_crossing"].values
+    seen = cube.isel(exact_integrator=np.any((crossing > 0) & np.isfinite(crossing), axis=(0, 1)))
+    exact = method_handles(seen["exact_integrator"].values, seen["exact_label"].values, linestyle=DASHES)
     drawn.legend(handles=exact, loc="lower center", ncols=5, columnspacing=1.4, handlelength=2.6)
     return drawn

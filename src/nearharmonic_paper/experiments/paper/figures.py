@@ -27,6 +27,7 @@ from nearharmonic.plotting.style import (
     panel_letter,
     right_title,
     say_if_empty,
+    step_label,
     style_of,
     write_beside,
 )
@@ -37,7 +38,11 @@ from nearharmonic_paper.experiments.paper.orbits import (
     Advances,
     advances,
     arcseconds_per_century,
+    label_places,
+    legs,
+    levels,
     paper_panels,
+    statement,
 )
 
 if TYPE_CHECKING:
@@ -46,6 +51,8 @@ if TYPE_CHECKING:
 
 # --- Figure 2: position error terms kappa of the harmonic oscillator, for both compositions of each method.
 
+#: Methods with an error term above it have an inset.
+LARGE = 1e3
 _CIRCLE: dict[str, Any] = {"marker": "o", "markersize": 8, "markerfacecolor": "none"}
 
 
@@ -76,12 +83,18 @@ def fig2_decomposition(terms: xr.Dataset) -> Figure:
 
 
 def _draw_terms(axes: Axes, kappa: xr.DataArray) -> None:
-    order = kappa["order"].values
-    for name in map(str, kappa["integrator"].values):
-        style = style_of(name)
+    order, large = kappa["order"].values, (kappa.max(("first", "order")) > LARGE).values
+    inset = axes.inset_axes((0.66, 0.08, 0.325, 0.33)) if large.any() and not large.all() else axes
+    for name, is_large in zip(map(str, kappa["integrator"].values), large, strict=True):
+        style, place = style_of(name), inset if is_large else axes
         term = kappa.sel(integrator=name)
-        axes.plot(order, term.sel(first="kick").values, color=style.colour, linewidth=1.2)
-        _circles(axes, order, term.sel(first="drift").values, style)
+        place.plot(order, term.sel(first="kick").values, color=style.colour, linewidth=1.2)
+        _circles(place, order, term.sel(first="drift").values, style)
+    if inset is not axes:
+        inset.set_title(", ".join(map(str, kappa["label"].values[large])), fontsize=8, pad=3)
+        inset.tick_params(labelsize=7.5)
+        inset.margins(0.08)
+        log_scale(inset, "y")
     log_scale(axes, "y")
     axes.set_ylabel(r"error term of the position, $\kappa_\lambda$")
 
@@ -110,6 +123,8 @@ def _draw_satisfied(axes: Axes, satisfied: xr.DataArray, labels: list[str]) -> N
 
 #: Points of a method, 1.5 mm wide each; and multiple of an advance up to which its bar is within its dot on any axis.
 COLUMNS, HIDDEN = 100, 0.005
+#: Advances in rad per orbit: curves have their order below the first, and rounding hides it below the second.
+FAR, ROUNDING = 0.1, 1e-15
 
 
 @house_style
@@ -129,6 +144,7 @@ def fig4_perihelion(cube: xr.Dataset) -> Figure:
     axes.set_xlabel("force evaluations per orbit")
     right_title(axes, problem_of(cube, str(cube["tau_per_stage"].attrs.get("units", "1"))))
     axes.set_ylabel("|perihelion advance|  (rad per orbit)")
+    _shade(axes)
     _add_century_axis(axes, arcseconds_per_century(float(cube.attrs["orbital_period"])))
     handles = method_handles(map(str, cube["integrator"].values), map(str, cube["label"].values))
     handles.append(
@@ -143,8 +159,22 @@ def _draw_method(axes: Axes, one: Advances) -> None:
     known, seen = np.where(one.known, one.size, np.nan), one.known & (one.interval > HIDDEN * one.size)
     axes.errorbar(x[seen], one.size[seen], yerr=one.interval[seen], fmt="none", ecolor=style.colour, elinewidth=0.8)
     axes.plot(x, known, color=style.colour, linewidth=0.5, marker=".", markersize=3.2)
-    axes.plot(x, known, markevery=mark_every(*one.line.turn, int(one.known.sum()), marks=8), **style.points())
+    axes.plot(x, known, markevery=mark_every(*one.line.turn, known, marks=8), **style.points())
     axes.plot(x, np.where(one.unknown, one.size, np.nan), **style.points(marker="x", markersize=4, alpha=0.5))
+
+
+def _shade(axes: Axes) -> None:
+    """Shade advances of paths far from an ellipse, and advances of the size of rounding errors."""
+    low, high = axes.get_ylim()
+    among: dict[str, Any] = {"xycoords": axes.get_yaxis_transform(), "color": "#595959"}
+    for says, start, end, place, ha in (
+        ("far from an ellipse", FAR, high, (0.988, FAR), "right"),
+        ("rounding errors", low, ROUNDING, (0.012, low), "left"),
+    ):
+        if start < end:
+            axes.axhspan(start, end, color="#ececec", zorder=0)
+            write_beside(axes, says, place, (0, 4), ha=ha, **among)
+    axes.set_ylim(low, high)
 
 
 def _add_century_axis(axes: Axes, arcseconds: float) -> None:
@@ -167,6 +197,7 @@ def _add_century_axis(axes: Axes, arcseconds: float) -> None:
 #: Black for the plane itself, then from near to far: at least 3:1 contrast with white, and 13 CIELAB units between any
 #: two, with deuteranopia, protanopia and tritanopia as well.
 _COLOURS = ("#000000", "#0072b2", "#a03070", "#009e73", "#d55e00")
+_WIDTHS = (2.0, 1.2, 1.2, 1.2, 1.2)
 _LEFT: dict[str, Any] = {"marker": "X", "markersize": 7, "markeredgecolor": "white", "markeredgewidth": 0.6}
 
 
@@ -182,8 +213,8 @@ def fig6_displaced(cube: xr.Dataset) -> Figure:
         axes.set_ylabel(r"$|\Delta H/H_0|$")
     panels[-1].set_xlabel("iteration")
     handles = [
-        Line2D([], [], color=colour, label=power_of_ten(round(log10(each))) if each else "0", **_look(i))
-        for i, (each, colour) in enumerate(zip(cube["displacement"].values.tolist(), _COLOURS, strict=False))
+        Line2D([], [], color=colour, linewidth=width, label=power_of_ten(round(log10(q_x))) if q_x else "0")
+        for q_x, colour, width in zip(cube["displacement"].values.tolist(), _COLOURS, _WIDTHS, strict=False)
     ]
     handles.append(Line2D([], [], color="#404040", linestyle="none", label="leaves its energy surface", **_LEFT))
     drawn.legend(
@@ -206,14 +237,9 @@ def _draw(axes: Axes, runs: xr.Dataset, limit: float) -> None:
         if left_at:
             x, y = np.append(x, left_at), np.append(y, limit)
             axes.plot([left_at], [limit], color=colour, linestyle="none", zorder=4, **_LEFT)
-        axes.plot(x, y, color=colour, **_look(i))
+        axes.plot(x, y, color=colour, linewidth=_WIDTHS[i])
     axes.margins(x=0.02)
     log_scale(axes, "xy")
-
-
-def _look(place: int) -> dict[str, Any]:
-    """Look of a line: broad for the plane itself, which comes first."""
-    return {"linewidth": 1.2 if place else 2.0}
 
 
 # --- Gain over Ruth's method at equal cost: a panel for each system.
@@ -239,7 +265,7 @@ def gain(*cubes: xr.Dataset, variable: str = "max_energy_error") -> Figure:
         says = f": up to {best:,.6g} times smaller".replace(",", " ") if isfinite(best) else ""
         panel_letter(axes, number, str(cube.attrs.get("system_label", "")).removesuffix(" system") + says)
         unit = str(cube["tau_per_stage"].attrs.get("units", "1"))
-        axes.set_xlabel(r"step size per stage, $\tau/s$" + ("" if unit == "1" else f"  ({unit})"))
+        axes.set_xlabel(step_label(unit))
     panels[0].set_ylabel("Ruth's error / error of the method")
     return drawn
 
@@ -259,7 +285,6 @@ def _draw_gains(axes: Axes, found: xr.DataArray) -> list[Line2D]:
 
 _BLUE, _RED, _GREEN = "#0b5fb5", "#d7301f", "#1a9850"
 _PALE = LinearSegmentedColormap.from_list("pale", ["#ffffff", "#b9c3cf"])
-_LEVELS = 12
 
 
 def _mark(marker: str, colour: str, size: float, **more: Any) -> dict[str, Any]:
@@ -268,33 +293,35 @@ def _mark(marker: str, colour: str, size: float, **more: Any) -> dict[str, Any]:
 
 #: (next drift negative, next kick negative) -> meaning, and markers drawn over each other.
 _DOTS: dict[tuple[bool, bool], tuple[str, tuple[dict[str, Any], ...]]] = {
-    (False, False): ("next c, d ≥ 0", (_mark("o", _BLUE, 5),)),
-    (True, False): ("next c < 0", (_mark("o", _RED, 8), _mark("_", "white", 5, markeredgewidth=1.4))),
-    (False, True): ("next d < 0", (_mark("o", _GREEN, 7), _mark("|", "white", 5, markeredgewidth=1.4))),
+    (False, False): ("next drift and kick forward", (_mark("o", _BLUE, 5),)),
+    (True, False): ("next drift backward", (_mark("o", _RED, 8), _mark("_", "white", 5, markeredgewidth=1.4))),
+    (False, True): ("next kick backward", (_mark("o", _GREEN, 7), _mark("|", "white", 5, markeredgewidth=1.4))),
     (True, True): (
-        "next c, d < 0",
+        "next drift and kick backward",
         (_mark("o", _RED, 9), _mark("o", _GREEN, 5, markeredgecolor="white", markeredgewidth=0.9)),
     ),
 }
 _INITIAL = _mark("o", _BLUE, 10, markerfacecolor="none", markeredgewidth=1.6)
 _FINAL = _mark("x", _BLUE, 9, markeredgewidth=2.0)
 
-_BOX: dict[str, Any] = {"boxstyle": "round,pad=0.3", "facecolor": "white", "edgecolor": "#8795a5", "linewidth": 0.5}
+_BEHIND: dict[str, Any] = {"boxstyle": "square,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.85}
 _SURFACE: dict[str, Any] = {"colors": "#1f2d3d", "linewidths": 1.0, "linestyles": [(0, (5, 3))]}
 
 
 @house_style
-def fig6_substeps(panels: Mapping[str, xr.Dataset] | None = None) -> Figure:
+def fig6_substeps(panels: Mapping[str, xr.Dataset] | None = None, across: int = 2) -> Figure:
     """Draw each Dataset of :func:`~nearharmonic_paper.experiments.paper.orbits.substeps` in a panel of its letter.
 
-    Two stand in a row; by default they are the four panels of the paper.
+    ``across`` stand in a row; by default they are the four panels of the paper.
     """
     panels = panels or paper_panels()
-    rows = (len(panels) + 1) // 2
-    height = 0.7 + 3.3 * rows
+    rows = -(-len(panels) // across)
+    height = 0.7 + 3.75 * rows
     drawn = new_figure(7.6, height)
-    drawn.subplots_adjust(left=0.08, right=0.955, top=1 - 0.85 / height, bottom=0.07, hspace=0.3, wspace=0.28)
-    grid = drawn.subplots(rows, 2, squeeze=False).ravel()
+    below, apart = (0.85, 0.42) if across > 1 else (1.2, 0.55)
+    drawn.subplots_adjust(left=0.08, right=0.955, top=1 - 0.85 / height, bottom=below / height)
+    drawn.subplots_adjust(hspace=apart, wspace=0.28)
+    grid = drawn.subplots(rows, across, squeeze=False).ravel()
     for axes, (letter, panel) in zip(grid, panels.items(), strict=False):
         _draw_panel(drawn, axes, panel)
         panel_letter(axes, letter, f"{panel.attrs['label']}, {panel.attrs['system_label']}")
@@ -307,58 +334,34 @@ def fig6_substeps(panels: Mapping[str, xr.Dataset] | None = None) -> Figure:
 
 def _draw_panel(drawn: Figure, axes: Axes, panel: xr.Dataset) -> None:
     q_grid, p_grid, H = (panel[name].values for name in ("q_grid", "p_grid", "hamiltonian"))
-    shades = axes.contourf(q_grid, p_grid, H, levels=_LEVELS, cmap=_PALE)
+    shades = axes.contourf(q_grid, p_grid, H, levels=levels(panel), cmap=_PALE)
     axes.contour(q_grid, p_grid, H, levels=shades.levels, colors="#8795a5", linewidths=0.5)
     axes.contour(q_grid, p_grid, H, levels=panel["H"].values[:1, 0], **_SURFACE)
     bar = drawn.colorbar(shades, ax=axes, pad=0.02, fraction=0.046, aspect=28)
     bar.ax.set_title("H", fontsize=8.5, fontstyle="italic", y=1.0, pad=4)
     bar.ax.tick_params(labelsize=7.5)
-    legs = "steps-post" if panel.attrs["first"] == "drift" else "steps-pre"
-    for iteration in panel["iteration"].values:
-        _draw_iteration(axes, panel.sel(iteration=iteration), legs)
+    for i, leg in enumerate(legs(panel)):
+        axes.plot(*leg.T, color="#4d5661", linewidth=0.6, zorder=3)
+        _draw_dots(axes, panel.isel(iteration=i))
     axes.set_xlim(q_grid[0], q_grid[-1])
     axes.set_ylim(p_grid[0], p_grid[-1])
     moving = panel.attrs["component"]
     for letter, label in (("q", axes.set_xlabel), ("p", axes.set_ylabel)):
         label(f"${letter}_{'xyz'[moving]}$" if moving else letter, fontstyle="italic")
     axes.grid(visible=False)
-    for says, place, ha, va in (
-        (_energy_statement(panel), (0.03, 0.03), "left", "bottom"),
-        (rf"$\tau$ = {panel.attrs['tau']:.4g}", (0.97, 0.97), "right", "top"),
-    ):
-        axes.annotate(
-            says, place, xycoords="axes fraction", ha=ha, va=va, fontsize=7.5, linespacing=1.5, bbox=_BOX, zorder=7
-        )  # fmt: skip
+    axes.tick_params(axis="x", pad=6)  # the labels of both axes meet in the corner
+    for text, place in label_places(panel).items():
+        look = {"fontsize": 7} if text.isdigit() else {"fontsize": 6.5, "bbox": _BEHIND}
+        write_beside(axes, text, place, (0, 0), ha="center", va="center", zorder=5, **look)
+    says = {"xycoords": "axes fraction", "va": "top", "linespacing": 1.4}
+    write_beside(axes, "\n".join(statement(panel)), (0, 0), (0, -33), **says)
 
 
-def _energy_statement(panel: xr.Dataset) -> str:
-    iterations = panel.sizes["iteration"]
-    error = abs(float(panel["energy_error"].values[-1, -1]))
-    left_at, followed = int(panel["left_at"]), int(panel.attrs["followed"])
-    later = (
-        f"leaves its energy surface at iteration {left_at}"
-        if left_at
-        else f"up to {_scientific(float(panel['max_energy_error']))} in {followed} iterations"
-    )
-    return f"energy error {_scientific(error)} after {iterations} iterations,\n{later}"
-
-
-def _scientific(number: float) -> str:
-    if not isfinite(number):  # the path has overflowed
-        return "∞"
-    mantissa, exponent = f"{number:.1e}".split("e")
-    return f"{mantissa}×{power_of_ten(int(exponent))}"
-
-
-def _draw_iteration(axes: Axes, path: xr.Dataset, legs: str) -> None:
-    q, p = path["q"].values, path["p"].values
-    axes.plot(q, p, color="#4d5661", linewidth=0.6, drawstyle=legs, zorder=3)
-    signs = zip(path["next_drift_sign"].values, path["next_kick_sign"].values, strict=True)
-    kinds = [str(kind) for kind in path["kind"].values]
-    for x, y, kind, (drift, kick) in zip(q, p, kinds, signs, strict=True):
-        if kind == "substep":
-            for layer, marker in enumerate(_DOTS[bool(drift < 0), bool(kick < 0)][1]):
-                axes.plot(x, y, linestyle="none", zorder=4 + layer / 10, **marker)
+def _draw_dots(axes: Axes, path: xr.Dataset) -> None:
+    q, p, drift, kick = (path[name].values for name in ("q", "p", "next_drift_sign", "next_kick_sign"))
+    for x, y, drifts_back, kicks_back in zip(q[1:-1], p[1:-1], drift[1:-1] < 0, kick[1:-1] < 0, strict=True):
+        for layer, marker in enumerate(_DOTS[bool(drifts_back), bool(kicks_back)][1]):
+            axes.plot(x, y, linestyle="none", zorder=4 + layer / 10, **marker)
     axes.plot(q[:1], p[:1], linestyle="none", zorder=3.5, **_INITIAL)
     axes.plot(q[-1:], p[-1:], linestyle="none", zorder=3.6, **_FINAL)
 

@@ -9,6 +9,7 @@ from math import sqrt
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from contourpy import contour_generator
 
 from nearharmonic.engine.batch import integrate_batch
 from nearharmonic.engine.numbers import start_array
@@ -20,6 +21,7 @@ from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.math import log
 from nearharmonic.numerics.portable import Bools, Floats, dot, mean, student_975
 from nearharmonic.output.store import Contents, Variables, coordinate, double_runs, variable
+from nearharmonic.output.table import short
 from nearharmonic.plotting.profile import Line, lines
 from nearharmonic.systems import System, henon_heiles, sho
 from nearharmonic.systems.quantities import Vector
@@ -100,10 +102,9 @@ def follow(problem: Problem, tau: float, orbit: tuple[Vector, Vector], runs: int
     """Chain n runs of a tangent system; the deviation is rescaled to length 1 after each run to avoid overflow.
 
     A call of ``problem`` is a run of a tangent system of d coordinates, without energy, over the time between two
-    rescalings; the next begins with the doubles where it ends, without the carries. The files of the paper's orbit have
-    these bits, which :func:`nearharmonic.tangent` does not repeat: it keeps the carries of the orbit. ``orbit`` is
-    the initial q and p; the initial deviation is that of the tangent system. Returned are q and p at the end of each
-    run (n, 2, d), and the logarithms of the factors by which the deviation grows (n,).
+    rescalings; the next begins with the doubles where it ends, without the carries, which :func:`nearharmonic.tangent`
+    keeps. ``orbit`` is the initial q and p; the tangent system has the initial deviation. Returned are q and p at the
+    end of each run (n, 2, d), and the logarithms of the factors by which the deviation grows (n,).
     """
     d = problem.system.dimension // 2
     u: Vector = problem.system.q0[d:]
@@ -143,23 +144,14 @@ PAPER_PANELS: dict[str, tuple[str, dict[str, Any]]] = {
 
 def paper_panels() -> dict[str, xr.Dataset]:
     """Return the Datasets of :func:`substeps` for the four panels of Fig. 6, by letter: two iterations each."""
-    panels = {}
-    for letter, (name, settings) in PAPER_PANELS.items():
-        (tableau,) = (one for one in (*yoshida_1990.TABLEAUS, *nielsen_2015.TABLEAUS) if one.name == name)
-        panels[letter] = substeps(tableau, iterations=2, **settings)
-    return panels
+    tableaus = {one.name: one for one in (*yoshida_1990.TABLEAUS, *nielsen_2015.TABLEAUS)}
+    return {letter: substeps(tableaus[name], **settings) for letter, (name, settings) in PAPER_PANELS.items()}
 
 
 def substeps(
-    tableau: Tableau,
-    system: System,
-    *,
-    start: State,
-    tau: float,
-    window: Window,
-    iterations: int = 2,
+    tableau: Tableau, system: System, *, start: State, tau: float, window: Window, iterations: int = 2,
     component: int = 0,
-) -> xr.Dataset:
+) -> xr.Dataset:  # fmt: skip
     """Return all substeps of some steps in doubles, for one degree of freedom, and the Hamiltonian around them.
 
     ``start`` is q and p of the moving coordinate, whose index is ``component``; the others are zero and stay zero.
@@ -177,8 +169,7 @@ def substeps(
     path = [plane.walk(start)]
     while len(path) < iterations:
         path.append(plane.walk(path[-1][-1]))
-    points = np.array(path)
-    q, p = points[..., 0], points[..., 1]
+    q, p = np.moveaxis(np.array(path), -1, 0)
     q_grid, p_grid = (np.linspace(low, high, GRID) for low, high in window)
     with np.errstate(over="ignore", invalid="ignore"):  # a path may go to infinity
         energy = plane.hamiltonian(q, p)
@@ -228,22 +219,15 @@ class _Plane:
     def hamiltonian(self, q: Any, p: Any) -> Any:
         return self._system.energy(self._embed(q), self._embed(p), self._parameters)
 
-    def _velocity(self, p: float) -> float:
-        return float(self._grad_T(self._embed(p), *self._parameters)[self._component])
-
-    def _force(self, q: float) -> float:
-        return -float(self._system.grad_V(self._embed(q), *self._parameters)[self._component])
-
     def walk(self, start: State) -> list[State]:
         """Return ``start`` and the state after each (drift, kick) pair: Eq. 3 if drifts are first, else Eq. 4."""
-        (q, p), points = start, [start]
+        (q, p), points, component = start, [start], self._component
         for drift, kick in self.pairs:
-            if self._drift_first:
-                q += self._tau * drift * self._velocity(p)
-                p += self._tau * kick * self._force(q)
-            else:
-                p += self._tau * kick * self._force(q)
-                q += self._tau * drift * self._velocity(p)
+            for moves_q in (self._drift_first, not self._drift_first):
+                if moves_q:
+                    q += self._tau * drift * float(self._grad_T(self._embed(p), *self._parameters)[component])
+                else:
+                    p -= self._tau * kick * float(self._system.grad_V(self._embed(q), *self._parameters)[component])
             points.append((q, p))
         return points
 
@@ -309,12 +293,66 @@ def displaced(integrator: str, iterations: int) -> dict[str, Contents]:
     return {"cube": Contents(variables=variables, attributes=attributes, evaluations=evaluations)}
 
 
-# --- Content of Figures 2 and 4, on paper and in a browser, without matplotlib.
+# --- Content of Figures 2, 4 and 6, on paper and in a browser, without matplotlib.
 
 #: An error term below this level is zero to the digits of the coefficients; terms of fewer digits are exactly 0.
 SATISFIED_BELOW = 1e-30
 #: Arcseconds per century, from general relativity: Nobili & Will (1986), doi:10.1038/320039a0.
 MERCURY_RELATIVISTIC_ADVANCE = 42.98
+
+
+def statement(panel: xr.Dataset) -> list[str]:
+    """Return the step size and the energy error of a panel of :func:`substeps`, and its error later, in words."""
+    error, largest = abs(float(panel["energy_error"].values[-1, -1])), float(panel["max_energy_error"])
+    tau, left_at, part = panel.attrs["tau"], int(panel["left_at"]), math.pi / panel.attrs["tau"]
+    after = f"{short(error, 2) if math.isfinite(error) else '∞'} after {panel.sizes['iteration']} iterations,"
+    later = f"at most {short(largest, 2)} in {panel.attrs['followed']} iterations"
+    return [
+        f"τ = {f'π/{part:.0f}' if part.is_integer() else f'{tau:.4g}'}, |ΔH/H₀| = {after}",
+        f"leaves its energy surface at iteration {left_at}" if left_at else later,
+    ]
+
+
+def legs(panel: xr.Dataset) -> Floats:
+    """Return the paths (iteration, point, q or p) of a panel with their corners: drifts move q, kicks move p."""
+    q, p = (np.repeat(panel[name].values, 2, axis=1) for name in "qp")
+    drift_first = panel.attrs["first"] == "drift"
+    return np.stack([q[:, 1:], p[:, :-1]] if drift_first else [q[:, :-1], p[:, 1:]], axis=-1)
+
+
+def levels(panel: xr.Dataset) -> Floats:
+    """Return at most fourteen round, evenly spaced levels that enclose the Hamiltonian of a panel."""
+    H = panel["hamiltonian"].values
+    low, high = (H.min(), H.max()) if np.isfinite(H).all() else (0.0, 1.0)
+    unit = 10.0 ** math.floor(math.log10((high - low) / 12))
+    step = next(n * unit for n in (1, 1.5, 2, 2.5, 3, 4, 5, 10) if 12 * n * unit >= high - low)
+    return step * np.arange(math.floor(low / step), math.ceil(high / step) + 1)
+
+
+def contours(panel: xr.Dataset, level: float) -> list[Any]:
+    """Return the contours (point, q or p) of the Hamiltonian of a panel at ``level``."""
+    return list(contour_generator(*(panel[name].values for name in ("q_grid", "p_grid", "hamiltonian"))).lines(level))
+
+
+def label_places(panel: xr.Dataset) -> dict[str, State]:
+    """Return text and place (q, p) of the labels: numbers in the first iteration, H on three contours; none overlap."""
+    low, high = (np.array([panel[name].values[i] for name in ("q_grid", "p_grid")]) for i in (0, -1))
+    way, angles = (legs(panel) - low) / (high - low), np.arange(16) * math.pi / 8
+    ring = np.concatenate([away * np.stack([np.cos(angles), np.sin(angles)], axis=-1) for away in (0.045, 0.067)])
+    candidates = {str(i): dot + ring for i, dot in enumerate(way[0, 2:-1:2], start=1)}
+    along = [(way[:, :-1] + part * np.diff(way, axis=1)).reshape(-1, 2) for part in np.linspace(0, 1, 20)]
+    heights = [float(panel["H"][0, 0]), *levels(panel)[[1, -6, -4]]]
+    lines = [(np.concatenate([np.empty((0, 2)), *contours(panel, H)]) - low) / (high - low) for H in heights]
+    for H, line in zip(heights[1:], lines[1:], strict=True):
+        candidates[f"H = {H:g}"] = line[(abs(line - 0.5) < 0.39).all(axis=1)]
+    taken, places = np.concatenate([*along, lines[0]]), {}
+    for text, around in candidates.items():
+        if len(around):
+            half, enough = (0.0, 0.03) if text.isdigit() else (0.09, 1.0)  # half the width; a number stays near its dot
+            x, y = abs(around[:, None] - taken).T
+            best = around[np.hypot((x - half).clip(min=0), y).min(axis=0).clip(max=enough).argmax()]
+            taken, places[text] = np.vstack([taken, best]), tuple((low + best * (high - low)).tolist())
+    return places
 
 
 def arcseconds_per_century(orbital_period: float) -> float:

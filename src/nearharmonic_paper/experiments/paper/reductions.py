@@ -198,10 +198,9 @@ def joined(parts: Sequence[xr.Dataset], dimension: str) -> xr.Dataset:
     """Return ``parts`` along ``dimension``, with fill values for missing variables of a part."""
     if len(parts) == 1 and all(dimension in one.dims for one in parts[0].data_vars.values()):
         return parts[0]
-    names = {name for part in parts for name in part.data_vars}
     return xr.concat(
-        parts, dimension, data_vars="all", coords="minimal", compat="override", join="outer",
-        fill_value={name: NO_RUN.get(name, np.nan) for name in names}, combine_attrs="override",
+        parts, dimension, data_vars="all", coords="minimal", compat="override", join="outer", combine_attrs="override",
+        fill_value={name: NO_RUN.get(name, np.nan) for part in parts for name in part.data_vars},
     )  # fmt: skip
 
 

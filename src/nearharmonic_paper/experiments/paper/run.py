@@ -75,8 +75,7 @@ def suitable_shards(sweep: Sweep, job_seconds: float) -> int:
 
 def largest_job(sweep: Sweep) -> int:
     """Return the bytes of the trajectories in the last shard: its runs are the shortest, and the most."""
-    points = points_of(sweep)
-    count = min(sweep.shards, points)
+    count = min(sweep.shards, points := points_of(sweep))
     # A run has t, q, p, and three numbers of each block.
     return (points - _cut(sweep, count - 1, count)) * sweep.samples * (3 + 2 * systems[sweep.system].dimension) * 8
 
@@ -106,8 +105,7 @@ def shard_range(sweep: Sweep, integrator: str, index: int) -> range:
 
 def _cut(sweep: Sweep, index: int, count: int) -> int:
     """Return the number of the step size at which shard ``index`` of ``count`` begins."""
-    points = points_of(sweep)
-    share = _cost(sweep, points) * index / count
+    share = _cost(sweep, points := points_of(sweep)) * index / count
     # Every shard has a step size, whatever the costs.
     return min(max(bisect_left(range(points), share, key=lambda i: _cost(sweep, i)), index), points - count + index)
 
@@ -129,8 +127,8 @@ def _steps(sweep: Sweep, tableau: Tableau, index: int) -> int:
 @cache
 def _cost(sweep: Sweep, count: int) -> Decimal:
     """Return the estimated seconds of the first ``count`` runs; extended precision may leave out the cheapest."""
-    evaluations = _evaluations(sweep, count)
-    return sum((PER_EVALUATION[each] * evaluations + PER_RUN * count for each in sweep.precision), Decimal(0))
+    runs, evaluations = PER_RUN * count, _evaluations(sweep, count)
+    return sum((PER_EVALUATION[each] * evaluations + runs for each in sweep.precision), Decimal(0))
 
 
 def _evaluations(sweep: Sweep, count: int) -> Decimal:
@@ -198,16 +196,14 @@ def check_sweep(sweep: Sweep, methods: Sequence[str]) -> None:
         check_fit(systems[sweep.system], tableau, sweep.split)
     here = f"systems.{sweep.system}.tau_per_stage"
     steps_of(sweep.t_end, sweep.lowest * min(t.stages for t in tableaus), key=f"{here}.lowest", given=sweep.lowest)
-    points = points_of(sweep)
-    if points > MOST_POINTS:
+    if (points := points_of(sweep)) > MOST_POINTS:
         allowed = f"the grid would have {points} step sizes, and may have {MOST_POINTS}"
         raise bad_setting(f"{here}.points_per_decade", sweep.points_per_decade, allowed)
     evaluations = _evaluations(sweep, points) * len(methods) * len(sweep.precision)
     if evaluations > MOST_EVALUATIONS:
         allowed = f"all runs would take {evaluations:.2g} force evaluations, and may take {MOST_EVALUATIONS:.0e}"
         raise bad_setting(f"{here}.lowest", sweep.lowest, allowed)
-    size = largest_job(sweep)
-    if size > MOST_BYTES:
+    if (size := largest_job(sweep)) > MOST_BYTES:
         allowed = f"a job would hold {size:.2g} bytes, and may hold {MOST_BYTES:.0e}: add shards, or keep samples: 0"
         raise bad_setting("samples", sweep.samples, allowed)
 
@@ -232,8 +228,7 @@ def _extended_points(sweep: Sweep, tableau: Tableau) -> int:
     in double, every step size is run.
     """
     points = points_of(sweep)
-    known = systems[sweep.system].harmonic and sweep.split == KINETIC_POTENTIAL
-    if not known or "double" not in sweep.precision:
+    if not (systems[sweep.system].harmonic and sweep.split == KINETIC_POTENTIAL and "double" in sweep.precision):
         return points
     from nearharmonic.theory.oscillator import harmonic_energy_error
 
@@ -303,10 +298,9 @@ def totals(rows: Sequence[Omission], cubes: Mapping[str, xr.Dataset]) -> list[Om
         because = f"{row.what}: {row.reason}"
         runs, evaluations = saved.get(because, (0, 0))
         saved[because] = runs + row.runs, evaluations + row.evaluations
-    ordered = sorted(saved.items(), key=lambda entry: -entry[1][1])
     planned = count + sum(row.runs for row in rows if row.what.startswith("runs "))
     every = (FULL, FULL_GRID, planned, made + sum(row.evaluations for row in rows))
-    each = [(SAVED, reason, *counts) for reason, counts in ordered]
+    each = [(SAVED, reason, *counts) for reason, counts in sorted(saved.items(), key=lambda entry: -entry[1][1])]
     return [Omission(ALL, ALL, ALL, *row) for row in ((DONE, "", count, made), every, *each)]
 
 
@@ -358,8 +352,7 @@ def _ended_early(system: str, cube: xr.Dataset) -> Iterator[Omission]:
 def _distinct(cube: xr.Dataset) -> Any:
     """Return the runs of a cube as a table of pandas, one row for equal numbers of steps."""
     every = cube[["steps", "evaluations", "status"]].to_dataframe(["precision", "integrator", "tau_per_stage"])
-    made = every[every.status != "skipped"].reset_index()
-    return made.drop_duplicates(["precision", "integrator", "steps"])
+    return every[every.status != "skipped"].reset_index().drop_duplicates(["precision", "integrator", "steps"])
 
 
 # --- Integration of a shard, and the variables of its file.
@@ -391,13 +384,20 @@ def integrate(
         "kernel": "; ".join(map(kernel_in_words, problems.values())),
     }  # fmt: skip
     attributes |= {} if not problems else next(iter(problems.values())).standard_floor()
-    evaluations = sum(map(_evaluations_made, parts.values()))
+    count = sum(map(_evaluations_made, parts.values()))
     root = parts.pop("double", {})
     groups = {name: _padded(part, root) if root else part for name, part in parts.items()}
-    found = Contents(
-        variables=root, attributes=attributes, coordinates=COORDINATES, groups=groups, evaluations=evaluations
-    )
-    return {"run": found}
+    run = Contents(variables=root, attributes=attributes, coordinates=COORDINATES, groups=groups, evaluations=count)
+    return {"run": run}
+
+
+def _load_kernels(sweep: Sweep, **_: object) -> None:
+    from nearharmonic.engine.trajectory import warm_up
+
+    warm_up(sweep.system, sweep.precision)
+
+
+integrate.prepare = _load_kernels  # type: ignore[attr-defined]  # FrozenJob calls it
 
 
 def _evaluations_made(variables: Variables) -> int:

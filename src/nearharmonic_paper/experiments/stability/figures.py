@@ -250,7 +250,7 @@ def _kinetic_energy_draw(axes: Axes, values: xr.DataArray, along: str) -> None:
     names = [str(name) for name in values.integrator.values]
     for position, name in enumerate(names):
         curve = values.sel(integrator=name)
-        every = mark_every(position, len(names), curve.size)
+        every = mark_every(position, len(names), curve.values)
         axes.plot(curve[along].values, curve.values, markevery=every, **style_of(name).line(markersize=4.5))
     log_scale(axes, "xy")
 

@@ -23,13 +23,7 @@ from nearharmonic.output.store import coordinate, described, method_coordinates,
 from nearharmonic.output.table import Table
 from nearharmonic.systems.kepler import perihelion_angle
 from nearharmonic.systems.relativistic_oscillator import SYSTEM
-from nearharmonic.theory.oscillator import (
-    largest_growth,
-    stability_gaps,
-    stability_limit,
-    step_polynomials,
-    touching_points,
-)
+from nearharmonic.theory import oscillator
 from nearharmonic_paper.experiments.stability.settings import EnsembleSettings, MapSettings, RoundingSettings
 from nearharmonic_paper.tasks.reduction import Reductions
 
@@ -51,17 +45,17 @@ def linear_stability_cube(tableaus: Sequence[Tableau]) -> xr.Dataset:
     Gaps are NaN after the last gap of a method, which ends at infinity.
     """
     grid = np.linspace(0, HIGHEST_TAU_PER_STAGE, POINTS)
-    gaps = [stability_gaps(tableau) for tableau in tableaus]
+    gaps = [oscillator.stability_gaps(tableau) for tableau in tableaus]
     edges = np.full((2, len(tableaus), max(map(len, gaps))), np.nan)
     growth = np.full((2, *edges.shape[1:]), np.nan)
     trace = np.empty((len(tableaus), POINTS))
     for i, tableau in enumerate(tableaus):
-        K = step_polynomials(tableau)
+        K = oscillator.step_polynomials(tableau)
         halved = [float(a + b) / 2 for a, b in zip(K.K11, K.K22, strict=True)]
         trace[i] = np.polynomial.polynomial.polyval(grid * tableau.stages, halved)
         for j, gap in enumerate(gaps[i]):
             edges[:, i, j] = [float(edge) for edge in gap]
-            largest = largest_growth(tableau, gap)
+            largest = oscillator.largest_growth(tableau, gap)
             growth[:, i, j] = float(largest.per_step), float(largest.per_time)
     over = ("integrator", "gap")
     return xr.Dataset(
@@ -107,9 +101,9 @@ def linear_stability_table(tableaus: Sequence[Tableau]) -> Table:
     )  # fmt: skip
     rows: list[tuple[Any, ...]] = []
     for tableau in tableaus:
-        touching, known, before = touching_points(tableau), KNOWN_LIMITS.get(tableau.name, ""), 0
-        for gap in stability_gaps(tableau):
-            growth, (start, end) = largest_growth(tableau, gap), gap
+        touching, known, before = oscillator.touching_points(tableau), KNOWN_LIMITS.get(tableau.name, ""), 0
+        for gap in oscillator.stability_gaps(tableau):
+            growth, (start, end) = oscillator.largest_growth(tableau, gap), gap
             touched = " ".join(significant(x, DIGITS) for x in touching if before < x < start)
             edges = [significant(x, DIGITS) for x in (before, start, start / tableau.stages, end)]
             sizes = *edges[:3], known, edges[3]
@@ -158,7 +152,7 @@ def trusted_up_to(cube: xr.Dataset) -> xr.DataArray:
 def linear_limit(cube: xr.Dataset) -> xr.DataArray:
     """Step size per stage at which the harmonic oscillator is first unstable."""
     methods = [registry[name] for name in cube.integrator.values]
-    limits = [float(stability_limit(method)) / method.stages for method in methods]
+    limits = [float(oscillator.stability_limit(method)) / method.stages for method in methods]
     text = "step size per stage at which the harmonic oscillator is first unstable"
     return _described(cube.integrator.copy(data=limits), text)
 

@@ -104,7 +104,7 @@ def _draw(axes: Axes, curves: Sequence[xr.Dataset], measure: str, mode: str = "t
     """Draw curves, that of the solver ``broad`` as a broad line."""
     for position, curve in enumerate(curves):
         x, y = points_of(curve, measure, mode)
-        every = mark_every(position, len(curves), len(x), marks=7)
+        every = mark_every(position, len(curves), y, marks=7)
         axes.plot(x, y, markevery=every, zorder=3, **line_of(curve, broad))
 
 

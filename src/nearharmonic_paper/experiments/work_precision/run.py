@@ -17,21 +17,7 @@ from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.clock import machine, pinned
 from nearharmonic.output.store import Contents
-from nearharmonic.recommendation.measure import (
-    COLUMNS,
-    MEASURES,
-    TARGETS,
-    Interval,
-    Solver,
-    clock,
-    curves_of,
-    dataset_of,
-    fastest,
-    measured,
-    of_kind,
-    quiet,
-    variables,
-)
+from nearharmonic.recommendation import measure as engine
 from nearharmonic.systems import systems
 from nearharmonic.systems.system import System
 from nearharmonic_paper.experiments.work_precision import WorkPrecisionSettings
@@ -55,20 +41,22 @@ ASTRAY = 1.0
 POINTS_PER_DECADE = 4
 
 
-def measured_peer(peer: Peer, problem: Interval, taus_per_stage: Sequence[float], longest: float) -> Solver:
+def measured_peer(
+    peer: Peer, problem: engine.Interval, taus_per_stage: Sequence[float], longest: float
+) -> engine.Solver:
     """Return the errors of ``peer`` with the calls for the timing.
 
     Settings become finer until a path takes more than ``longest`` seconds; ``taus_per_stage`` ascend. With a missing
     library or an unsupported system there is no setting, and the status is the reason.
     """
-    solver = Solver(method=peer.name, label=peer.label, kind="peer")
+    solver = engine.Solver(method=peer.name, label=peer.label, kind="peer")
     problem = problem._replace(system=problem.system.autonomous())
     solver.status = missing(peer.module) or _misfit(peer, problem.system) or "ok"
     if solver.status != "ok":
         return solver
     solver.version = version_of(peer.module)
     points: list[dict[str, float]] = []
-    with quiet():
+    with engine.quiet():
         for setting in peer.settings or [tau * peer.stages for tau in reversed(taus_per_stage)]:
             point, calls, seconds = _measured(peer, problem, setting)
             # A diverging coarse run may take very long; finer runs are then still useful.
@@ -81,7 +69,7 @@ def measured_peer(peer: Peer, problem: Interval, taus_per_stage: Sequence[float]
             points.append(point)
             if _settled(points):
                 break
-    solver.columns = {name: np.array([point.get(name, nan) for point in points]) for name in COLUMNS}
+    solver.columns = {name: np.array([point.get(name, nan) for point in points]) for name in engine.COLUMNS}
     return solver
 
 
@@ -99,7 +87,7 @@ def _misfit(peer: Peer, system: System) -> str:
     return "" if system.unit_masses or not peer.quadratic_only else "does not fit: it requires T = p.p/2"
 
 
-def _measured(peer: Peer, problem: Interval, setting: float) -> tuple[dict[str, float], dict[str, Any], float]:
+def _measured(peer: Peer, problem: engine.Interval, setting: float) -> tuple[dict[str, float], dict[str, Any], float]:
     """Return numbers and calls of one setting, and the seconds of its path, which also warms up the solver."""
     point = {"tolerance" if peer.adaptive else "tau": setting, "max_energy_error": inf, "mean_energy_error": inf}
     calls: dict[str, Any] = {}
@@ -174,8 +162,8 @@ def measure(
             system = systems[sweep.system]
             for name, (t_end, measures) in intervals(system, sweep.t_end).items():
                 exact = reference(system, t_end) if "position" in measures else None
-                solvers = solvers_on(Interval(system, t_end, exact), measures, tableaus, sweep, settings)
-                groups[name] = variables(solvers, system.units["t"])
+                solvers = solvers_on(engine.Interval(system, t_end, exact), measures, tableaus, sweep, settings)
+                groups[name] = engine.variables(solvers, system.units["t"])
                 versions |= {f"{PEERS[s.method].module} {s.version}" for s in solvers if s.version}
                 source = exact.source if exact else ""
                 problems[name] = {"system": system.name, "t_end": t_end, "measures": measures, "reference": source}
@@ -193,27 +181,31 @@ def intervals(system: System, t_end: str) -> dict[str, tuple[str, tuple[str, ...
     """
     short = position_t_end(system, t_end)
     if Fraction(short) == Fraction(t_end):
-        return {system.name: (t_end, tuple(MEASURES))}
+        return {system.name: (t_end, tuple(engine.MEASURES))}
     return {system.name: (t_end, ("max", "mean")), f"{system.name}_position": (short, ("position",))}
 
 
 def solvers_on(
-    here: Interval, measures: Sequence[str], tableaus: Sequence[Tableau], sweep: Sweep, settings: WorkPrecisionSettings
-) -> list[Solver]:
+    here: engine.Interval,
+    measures: Sequence[str],
+    tableaus: Sequence[Tableau],
+    sweep: Sweep,
+    settings: WorkPrecisionSettings,
+) -> list[engine.Solver]:
     """Return methods, then peers, measured on one interval, timed in interleaved order on this thread.
 
     ``sweep`` has the range of step sizes and the summation.
     """
     taus = tau_grid(sweep.lowest, sweep.highest, settings.points_per_decade)
-    solvers = [measured(here, tableau, taus, sweep.summation, settings.evaluations) for tableau in tableaus]
+    solvers = [engine.measured(here, tableau, taus, sweep.summation, settings.evaluations) for tableau in tableaus]
     taus = tau_grid(sweep.lowest, sweep.highest, POINTS_PER_DECADE)
     solvers += [measured_peer(PEERS[name], here, taus, settings.longest) for name in settings.solvers()]
-    clock(solvers, ("trajectory", "energy"))
-    front = front_runners(curves_of(dataset_of(solvers, "")), measures)
+    engine.clock(solvers, ("trajectory", "energy"))
+    front = front_runners(engine.curves_of(engine.dataset_of(solvers, "")), measures)
     for solver in solvers:
         if solver.method in front:
             solver.prepare(here, integrators[solver.method], "lanes")
-    clock(solvers, ("lanes",))
+    engine.clock(solvers, ("lanes",))
     return solvers
 
 
@@ -222,6 +214,6 @@ def front_runners(curves: Iterable[xr.Dataset], measures: Sequence[str]) -> list
 
     Only their ensembles are timed: a slow method is slow in lanes too.
     """
-    own = of_kind(curves, "splitting")
-    leading = (fastest(own, measure, target)[:FRONT] for measure in measures for target in TARGETS)
+    own = engine.of_kind(curves, "splitting")
+    leading = (engine.fastest(own, measure, target)[:FRONT] for measure in measures for target in engine.TARGETS)
     return list(dict.fromkeys(curve["solver"].item() for pairs in leading for curve, _ in pairs))

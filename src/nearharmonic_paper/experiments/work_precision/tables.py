@@ -10,17 +10,7 @@ from math import inf, isfinite, nan
 import xarray as xr
 
 from nearharmonic.output.table import Table, pipes
-from nearharmonic.recommendation.measure import (
-    NAMES,
-    TARGETS,
-    Crossing,
-    Part,
-    crossing,
-    fastest,
-    of_kind,
-    ranking,
-    read_parts,
-)
+from nearharmonic.recommendation import measure as engine
 from nearharmonic.systems import systems
 from nearharmonic.systems.system import System
 from nearharmonic_paper.tasks.provenance import measures_time
@@ -43,7 +33,7 @@ MORE = ("lanes", "energy")
 @measures_time
 def time_to_error(system: str, cube: str) -> dict[str, Table | str]:
     """Return the cost of each method for given errors on one system: a table, ``csv``, and a page, ``md``."""
-    parts, facts = read_parts(cube, system)
+    parts, facts = engine.read_parts(cube, system)
     label = systems[system].label
     lines = [row for part in parts for row in rows(system, *part)]
     cells = [[f"{cell:.6g}" if isinstance(cell, float) else str(cell) for cell in row.values()] for row in lines]
@@ -59,8 +49,8 @@ def rows(system: str, t_end: str, measures: Sequence[str], curves: Sequence[xr.D
 
     A method without a curve has its reason in ``method_status``.
     """
-    for measure, target in product(measures, TARGETS):
-        for rank, (curve, at) in enumerate(ranking(curves, measure, target), start=1):
+    for measure, target in product(measures, engine.TARGETS):
+        for rank, (curve, at) in enumerate(engine.ranking(curves, measure, target), start=1):
             yield {
                 "system": system,
                 "t_end": t_end,
@@ -72,7 +62,7 @@ def rows(system: str, t_end: str, measures: Sequence[str], curves: Sequence[xr.D
                 "kind": curve["kind"].item(),
                 "status": at.status,
                 "time_ms": 1e3 * at.time,
-                **{f"{mode}_time_ms": 1e3 * crossing(curve, measure, target, mode).time for mode in MORE},
+                **{f"{mode}_time_ms": 1e3 * engine.crossing(curve, measure, target, mode).time for mode in MORE},
                 "evaluations": at.evaluations,
                 "tau": at.tau,
                 "tolerance": at.tolerance,
@@ -80,7 +70,7 @@ def rows(system: str, t_end: str, measures: Sequence[str], curves: Sequence[xr.D
             }
 
 
-def markdown(label: str, parts: Sequence[Part], facts: Mapping[str, object]) -> str:
+def markdown(label: str, parts: Sequence[engine.Part], facts: Mapping[str, object]) -> str:
     """The page for one system: a table for each measure of each part (t_end, measures, curves), who wins, how it was
     measured, and what is missing."""
     basis = (
@@ -90,8 +80,12 @@ def markdown(label: str, parts: Sequence[Part], facts: Mapping[str, object]) -> 
     lines = [f"# {label}: time and evaluations to reach an error", "", basis, "", HOW, ""]
     for t_end, measures, curves in parts:
         for measure in measures:
-            lines += [f"## {NAMES[measure]}, t = {t_end}", "", *_table(measure, curves), ""]
-            lines += ["Fastest:", *(f"- {target:.0e}: {_winner(measure, target, curves)}" for target in TARGETS), ""]
+            lines += [f"## {engine.NAMES[measure]}, t = {t_end}", "", *_table(measure, curves), ""]
+            lines += [
+                "Fastest:",
+                *(f"- {target:.0e}: {_winner(measure, target, curves)}" for target in engine.TARGETS),
+                "",
+            ]
     lines += ["## ns per evaluation of the force, and calls around the kernel", "", *_speeds(parts[0][2]), ""]
     absent = [f"- {c['label'].item()}: {c['status'].item()}" for c in parts[0][2] if c["status"] != "ok"]
     return "\n".join([*lines, "## Missing, or ended early", "", *(absent or ["nothing"]), ""])
@@ -99,19 +93,19 @@ def markdown(label: str, parts: Sequence[Part], facts: Mapping[str, object]) -> 
 
 def _table(measure: str, curves: Sequence[xr.Dataset]) -> list[str]:
     rows = []
-    for curve, _ in ranking(curves, measure, TARGETS[2]):
+    for curve, _ in engine.ranking(curves, measure, engine.TARGETS[2]):
         label = curve["label"].item()
         cells = [f"*{label}*" if curve["kind"] == "peer" else label]
-        for target in TARGETS:
-            at, lanes = crossing(curve, measure, target), crossing(curve, measure, target, "lanes")
+        for target in engine.TARGETS:
+            at, lanes = engine.crossing(curve, measure, target), engine.crossing(curve, measure, target, "lanes")
             number = f"{float(f'{at.evaluations:.3g}'):.0f}" if isfinite(at.evaluations) else "-"
             cells += [milliseconds(at), milliseconds(lanes), number]
         rows.append(cells)
-    columns = [name for target in TARGETS for name in (f"{target:.0e} ms", "lanes", "evaluations")]
+    columns = [name for target in engine.TARGETS for name in (f"{target:.0e} ms", "lanes", "evaluations")]
     return pipes(["method", *columns], rows, align="lr")
 
 
-def milliseconds(at: Crossing) -> str:
+def milliseconds(at: engine.Crossing) -> str:
     """Return a time in ms to three digits; "-" if there is none."""
     bound = "<= " if at.status == "below throughout" else ""
     return f"{bound}{1e3 * at.time:.3g}" if isfinite(at.time) else "-"
@@ -119,7 +113,7 @@ def milliseconds(at: Crossing) -> str:
 
 def _winner(measure: str, target: float, curves: Sequence[xr.Dataset]) -> str:
     """Return the fastest of all in words, with the ratio if it is a peer."""
-    order = fastest(curves, measure, target)
+    order = engine.fastest(curves, measure, target)
     if not order:
         return "reached by none"
     (first, best), own = order[0], [pair for pair in order if pair[0]["kind"] == "splitting"]
@@ -189,14 +183,14 @@ class Pair:
         """The label of the system in titles."""
         return systems[self.system].label
 
-    def fastest(self, error: float, mode: str) -> list[tuple[xr.Dataset, Crossing]]:
+    def fastest(self, error: float, mode: str) -> list[tuple[xr.Dataset, engine.Crossing]]:
         """This package's methods that reach ``error``, the fastest first."""
-        return fastest(self.own, self.measure, error, mode)
+        return engine.fastest(self.own, self.measure, error, mode)
 
     def standard(self, error: float, mode: str) -> float:
         """Return the seconds of the reference library, NaN if it was not timed."""
         timed = (curve for curve in self.others if curve["solver"] == STANDARD)
-        return next((crossing(curve, self.measure, error, mode).time for curve in timed), nan)
+        return next((engine.crossing(curve, self.measure, error, mode).time for curve in timed), nan)
 
 
 def original_of(name: str, names: Sequence[str]) -> str:
@@ -227,16 +221,16 @@ def pairs(
     measured: dict[str, tuple[str, Sequence[xr.Dataset]]] = {}
     facts: dict[str, object] = {}
     for name in names:
-        parts, facts = read_parts(cube, name, quartile)
+        parts, facts = engine.read_parts(cube, name, quartile)
         measured.update((name, (end, curves)) for end, measures, curves in parts if measure in measures)
     compared = []
     for name, (end, curves) in measured.items():
         original = original_of(name, [other for other, (its_end, _) in measured.items() if its_end == end])
         originals = measured[original][1] if original else []
         compared.append(Pair(
-            system=name, t_end=end, measure=measure, original=original, own=of_kind(curves, "splitting"),
-            others=[curve for curve in of_kind([*originals, *curves], "peer") if curve.sizes["point"]],
-            own_original=of_kind(originals, "splitting"),
+            system=name, t_end=end, measure=measure, original=original, own=engine.of_kind(curves, "splitting"),
+            others=[curve for curve in engine.of_kind([*originals, *curves], "peer") if curve.sizes["point"]],
+            own_original=engine.of_kind(originals, "splitting"),
         ))  # fmt: skip
     return compared, facts
 
@@ -268,7 +262,7 @@ def comparison(names: Sequence[str], cube: str) -> dict[str, Table]:
 
 def _rows(least: Pair, median: Pair, mode: str) -> Iterator[list[object]]:
     for error in ERRORS:
-        own, others = least.fastest(error, mode), fastest(least.others, least.measure, error, mode)
+        own, others = least.fastest(error, mode), engine.fastest(least.others, least.measure, error, mode)
         if not own:
             continue
         (curve, at), standard = own[0], least.standard(error, mode)

@@ -7,16 +7,59 @@
   };
   const shown = new Map(); // the plots, by the ids of their elements
 
-  // What a method draws carries its name among its tags.
-  const show = (method, visible) => {
-    for (const plot of shown.values())
-      for (const renderer of plot.renderers)
-        if (renderer.tags.includes(method)) renderer.visible = visible;
+  const plotsOf = (figure) => [...figure.querySelectorAll(".plot")].map((one) => shown.get(one.id)).filter(Boolean);
+
+  // Legends: a pressed button shows its method, and without a pressed one all are shown. What a method draws carries its
+  // name among its tags.
+  const legends = [...document.querySelectorAll(".legend")];
+  const isPressed = (button) => button.getAttribute("aria-pressed") === "true";
+  const press = (button, pressed) => button.setAttribute("aria-pressed", String(pressed));
+  const methodsOf = (legend) => [...legend.querySelectorAll("button.method")];
+
+  const alphas = new Map(); // of glyphs, as they were drawn
+  const fade = ({ glyph }, faded) => {
+    if (!alphas.has(glyph)) {
+      const { line_alpha, fill_alpha } = glyph;
+      alphas.set(glyph, Object.entries({ line_alpha, fill_alpha }).filter(([, alpha]) => alpha !== undefined));
+    }
+    // Columns have the opacity of single points; 0 is invisible, for the hover.
+    const pale = (alpha) => (alpha.field !== undefined ? 0 : Math.min(0.12, alpha.value ?? alpha));
+    glyph.setv(Object.fromEntries(alphas.get(glyph).map(([name, alpha]) => [name, faded ? pale(alpha) : alpha])));
   };
-  const press = (button, pressed) => {
-    button.setAttribute("aria-pressed", String(pressed));
-    show(button.dataset.method, pressed);
+
+  const show = (legend, pointed = null) => {
+    const buttons = methodsOf(legend);
+    const pressed = buttons.filter(isPressed);
+    const visible = new Set((pressed.length ? pressed : buttons).map((button) => button.dataset.method));
+    press(legend.querySelector("button.all"), !pressed.length);
+    legend.classList.toggle("chosen", pressed.length > 0);
+    for (const plot of plotsOf(legend.closest(".figure")))
+      for (const renderer of plot.renderers) {
+        const [method] = renderer.tags;
+        if (method === undefined) continue;
+        renderer.visible = visible.has(method);
+        if (pointed || alphas.has(renderer.glyph)) fade(renderer, visible.has(pointed) && method !== pointed);
+      }
   };
+
+  for (const legend of legends) {
+    legend.querySelector("button.all").addEventListener("click", () => {
+      for (const button of methodsOf(legend)) press(button, false);
+      show(legend);
+    });
+    for (const button of methodsOf(legend)) {
+      const { method } = button.dataset;
+      button.addEventListener("click", () => {
+        press(button, !isPressed(button));
+        if (methodsOf(legend).every(isPressed)) for (const one of methodsOf(legend)) press(one, false);
+        show(legend);
+      });
+      button.addEventListener("pointerenter", (event) => event.pointerType === "mouse" && show(legend, method));
+      button.addEventListener("pointerleave", (event) => event.pointerType === "mouse" && show(legend));
+      button.addEventListener("focus", () => button.matches(":focus-visible") && show(legend, method));
+      button.addEventListener("blur", () => show(legend));
+    }
+  }
 
   const zoom = (range, factor) => {
     const logarithmic = range.tags.includes("log");
@@ -27,28 +70,26 @@
     range.setv({ start: back(middle - half), end: back(middle + half) });
   };
   const ranges = (figure) => {
-    const plots = [...figure.querySelectorAll(".plot")].map((element) => shown.get(element.id));
-    return new Set(plots.flatMap((plot) => [plot.x_range, plot.y_range]).filter((range) => range.type === "Range1d"));
+    const axes = (plot) => [plot.x_range, plot.y_range, ...Object.values(plot.extra_y_ranges)];
+    const all = plotsOf(figure).flatMap(axes);
+    return new Set(all.filter((range) => range.type === "Range1d"));
   };
+  for (const button of document.querySelectorAll("button[data-zoom]"))
+    button.addEventListener("click", () => {
+      for (const range of ranges(button.closest(".figure")))
+        if (button.dataset.zoom === "reset") range.reset();
+        else zoom(range, button.dataset.zoom === "in" ? 0.5 : 2);
+    });
 
-  // A finger on a plot scrolls the page, a mouse draws a rectangle to zoom.
-  const leaveFingers = () => {
+  // A finger on a plot scrolls the page, and a tap shows what a hover shows; a mouse draws a rectangle to zoom.
+  const leaveFingers = (plot) => {
     if (!matchMedia("(pointer: coarse)").matches) return;
-    for (const plot of shown.values())
-      for (const tool of plot.toolbar.tools) if (tool.type === "BoxZoomTool") tool.active = false;
-  };
-
-  const connect = () => {
-    const methods = [...document.querySelectorAll("button.method")];
-    for (const button of methods)
-      button.addEventListener("click", () => press(button, button.getAttribute("aria-pressed") !== "true"));
-    document.querySelector("button.all")?.addEventListener("click", () => methods.forEach((button) => press(button, true)));
-    for (const button of document.querySelectorAll("button[data-zoom]"))
-      button.addEventListener("click", () => {
-        for (const range of ranges(button.closest(".figure")))
-          if (button.dataset.zoom === "reset") range.reset();
-          else zoom(range, button.dataset.zoom === "in" ? 0.5 : 2);
-      });
+    for (const tool of plot.toolbar.tools) if (tool.type === "BoxZoomTool") tool.active = false;
+    document.getElementById(plot.name).addEventListener("click", (event) => {
+      const { clientX, clientY } = event;
+      const move = new PointerEvent("pointermove", { clientX, clientY, isPrimary: true, view: window });
+      event.composedPath()[0].dispatchEvent(move);
+    });
   };
 
   const filters = [...document.querySelectorAll("button[data-only]")];
@@ -83,23 +124,29 @@
       }
     });
 
+  // The plots of a figure take the place of its static picture when they are drawn.
   const draw = async () => {
     const held = [document.getElementById("bokeh"), ...document.querySelectorAll(".plots")];
     const [bokeh, ...documents] = await Promise.all(held.map(unpacked));
     document.head.append(Object.assign(document.createElement("script"), { textContent: bokeh }));
     for (const [docid, plots] of documents.map((text) => JSON.parse(text)).entries()) {
       const roots = plots.roots.map((root) => [root.id, root.attributes.name]); // Bokeh pairs ids with roots by position
+      const elements = roots.map(([, name]) => document.getElementById(name));
+      for (const [i, root] of plots.roots.entries()) root.attributes.height = elements[i].clientHeight;
       const items = [{ docid, roots: Object.fromEntries(roots), root_ids: roots.map(([id]) => id) }];
       await Bokeh.embed.embed_items({ [docid]: plots }, items);
+      const drawn = Bokeh.documents.flatMap((one) => one.roots()).filter((root) => !shown.has(root.name));
+      for (const root of drawn) shown.set(root.name, root);
+      drawn.forEach(leaveFingers);
+      const figure = elements[0].closest(".figure");
+      show(figure.querySelector(".legend"));
+      figure.classList.add("ready");
+      await new Promise((done) => setTimeout(done)); // the browser paints it and answers before the next one
     }
-    for (const one of Bokeh.documents) for (const root of one.roots()) shown.set(root.name, root);
-    connect();
-    leaveFingers();
     page.dataset.ready = "";
   };
-  page.classList.add("live-page");
   draw().catch((error) => {
-    page.classList.remove("live-page"); // the static pictures stand in
+    page.classList.remove("live-page"); // the static pictures stay
     throw error;
   });
 })();

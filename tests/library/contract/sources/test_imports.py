@@ -37,10 +37,7 @@ IMPORTS = {
         "import nearharmonic as nh",
         "assert nh.integrators.nielsen_2015.TABLEAUS and nh.systems.kepler.SYSTEM is nh.systems['kepler']",
     ),
-    "system": (
-        "import nearharmonic.systems.kepler as k",
-        "assert k.SYSTEM.V is k.V and k.SYSTEM.grad_V is k.grad_V",
-    ),
+    "system": ("import nearharmonic.systems.kepler as k", "assert k.SYSTEM.V is k.V and k.SYSTEM.grad_V is k.grad_V"),
     "source": (
         "import nearharmonic.integrators.nielsen_2015 as n",
         "assert n.TABLEAUS and nearharmonic.integrators.nielsen_2015.TABLEAUS is n.TABLEAUS",

@@ -15,14 +15,7 @@ from nearharmonic.integrators import BENCHMARKED, load_tableaus
 from nearharmonic.integrators import integrators as registered
 from nearharmonic.integrators import plain_integrators as integrators
 from nearharmonic.systems import systems
-from nearharmonic.theory.order import (
-    generalised_order_of,
-    harmonic_order,
-    harmonic_orders_of,
-    leading_errors,
-    nystrom_order_of,
-    order_of,
-)
+from nearharmonic.theory import order as theory
 from nearharmonic.theory.oscillator import kappa, step_polynomials
 from nearharmonic_paper.experiments.paper.tableaus import overview
 from support.methods.ten_methods import EVERY_METHOD, TEN_METHODS, thinned
@@ -237,36 +230,36 @@ def declaring(attribute):
 def test_declared_order_holds_for_systems_tableau_is_for(name):
     tableau = integrators[name]
     if tableau.requires is None:
-        assert order_of(tableau) == tableau.order
-        assert nystrom_order_of(tableau) >= tableau.order
+        assert theory.order_of(tableau) == tableau.order
+        assert theory.nystrom_order_of(tableau) >= tableau.order
     else:
-        assert nystrom_order_of(tableau) == tableau.order
+        assert theory.nystrom_order_of(tableau) == tableau.order
         # A tableau asks for quadratic kinetic energy only if it needs it.
-        assert order_of(tableau) < tableau.order
+        assert theory.order_of(tableau) < tableau.order
 
 
 @declaring("harmonic_order")
 def test_the_declared_harmonic_order_is_that_of_the_position(name):
-    assert harmonic_order(name) == integrators[name].harmonic_order
+    assert theory.harmonic_order(name) == integrators[name].harmonic_order
 
 
 @declaring("generalised_order")
 def test_declared_generalised_order_holds_with_kick_as_small_part(name):
     tableau = integrators[name]
-    assert generalised_order_of(name, quadratic=tableau.requires is not None) == tableau.generalised_order
+    assert theory.generalised_order_of(name, quadratic=tableau.requires is not None) == tableau.generalised_order
 
 
 @EVERY
 def test_a_harmonic_order_is_no_smaller_than_the_order(name):
-    assert min(harmonic_orders_of(name)) >= integrators[name].order
+    assert min(theory.harmonic_orders_of(name)) >= integrators[name].order
 
 
 @EVERY_METHOD
 def test_the_leading_error_stands_out_from_what_the_digits_leave(name):
     # The smallest so far are 4e-9; a vanishing condition leaves less than 1e-24 of any set with 26 digits or more, and
     # sets with fewer are of order two, which is a matter of their sums.
-    assert all(error.norm > 1e-12 for error in leading_errors(name))
-    assert leading_errors(name).general.degree == order_of(name) + 1
+    assert all(error.norm > 1e-12 for error in theory.leading_errors(name))
+    assert theory.leading_errors(name).general.degree == theory.order_of(name) + 1
 
 
 @EVERY
@@ -284,7 +277,7 @@ def test_a_wrong_digit_ten_places_before_the_last_is_found(name):
                     row[-1 - i] += sign * step
             rows[key] = tuple(map(str, row))
     forged = replace(tableau, **rows, label="forged")
-    assert max(order_of(forged), nystrom_order_of(forged)) == 1 + tableau.symmetric
+    assert max(theory.order_of(forged), theory.nystrom_order_of(forged)) == 1 + tableau.symmetric
 
 
 @pytest.mark.slow

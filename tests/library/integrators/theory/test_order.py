@@ -16,15 +16,7 @@ from nearharmonic.exact import lie
 from nearharmonic.exact.words import SQUARE, logarithm, words
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.theory.order import (
-    ErrorTerm,
-    error_norm,
-    generalised_order_of,
-    harmonic_orders_of,
-    leading_errors,
-    nystrom_order_of,
-    order_of,
-)
+from nearharmonic.theory import order as theory
 from nearharmonic.theory.order_conditions import step_of, tolerance
 from nearharmonic.theory.oscillator import ShiftedKick, shifted_kicks
 from support.methods.ten_methods import EVERY_METHOD
@@ -65,27 +57,27 @@ def composed(base, order, digits=60):
 def test_leapfrog_has_order_two_and_its_textbook_error(first):
     # log = A + B - [A, [A, B]]/24 - [B, [A, B]]/12 or with the roles exchanged: sqrt(1/24^2 + 1/12^2) = sqrt(5)/24.
     leapfrog = LEAPFROGS[first]
-    assert order_of(leapfrog) == nystrom_order_of(leapfrog) == 2
-    assert leading_errors(leapfrog).general == ErrorTerm(3, pytest.approx(sqrt(5) / 24, rel=1e-14))
-    assert generalised_order_of(leapfrog) == (2,)
-    assert harmonic_orders_of(leapfrog) == (2, 2, 2, 2)
+    assert theory.order_of(leapfrog) == theory.nystrom_order_of(leapfrog) == 2
+    assert theory.leading_errors(leapfrog).general == theory.ErrorTerm(3, pytest.approx(sqrt(5) / 24, rel=1e-14))
+    assert theory.generalised_order_of(leapfrog) == (2,)
+    assert theory.harmonic_orders_of(leapfrog) == (2, 2, 2, 2)
 
 
 def test_each_triple_jump_adds_two_orders_up_to_eight():
     tableau = LEAPFROGS["drift"]
     for order in (2, 4, 6):
         tableau = composed(tableau, order)
-        assert order_of(tableau) == nystrom_order_of(tableau) == order + 2
-        assert harmonic_orders_of(tableau).energy == order + 2
-    assert order_of(tableau, highest=6) == 6
-    assert error_norm(tableau, 9) > 1e-3
+        assert theory.order_of(tableau) == theory.nystrom_order_of(tableau) == order + 2
+        assert theory.harmonic_orders_of(tableau).energy == order + 2
+    assert theory.order_of(tableau, highest=6) == 6
+    assert theory.error_norm(tableau, 9) > 1e-3
     with pytest.raises(SettingError, match="highest = 7 is not allowed: the order of triple jump"):
-        leading_errors(tableau, highest=7)
+        theory.leading_errors(tableau, highest=7)
 
 
 def test_nystrom_method_has_its_order_only_for_quadratic_kinetic_energy():
-    assert (order_of("srkn_b11"), nystrom_order_of("srkn_b11")) == (4, 6)
-    assert nystrom_order_of("srkn_b11", first="drift") == 4
+    assert (theory.order_of("srkn_b11"), theory.nystrom_order_of("srkn_b11")) == (4, 6)
+    assert theory.nystrom_order_of("srkn_b11", first="drift") == 4
 
 
 @EVERY_METHOD
@@ -103,32 +95,32 @@ def test_the_first_generalised_order_is_that_of_a_quadrature(name):
     exact, allowed = 0, Fraction(1, 10 ** min(25, tableau.digits - 3))
     while abs(sum(w * x**exact for w, x in zip(weights, nodes, strict=True)) - Fraction(1, exact + 1)) < allowed:
         exact += 1
-    assert generalised_order_of(tableau)[0] == exact
+    assert theory.generalised_order_of(tableau)[0] == exact
 
 
 def test_what_blanes_and_others_call_small_part_is_kick():
-    assert generalised_order_of("aba864") == (8, 6, 4)
-    assert generalised_order_of("aba864", first="kick") == (4,)
+    assert theory.generalised_order_of("aba864") == (8, 6, 4)
+    assert theory.generalised_order_of("aba864", first="kick") == (4,)
 
 
 @EVERY_METHOD
 def test_order_for_quadratic_potentials_is_that_of_the_step_matrix(name):
     # Coupled oscillators are single ones in their normal modes.
-    wrong = leading_errors(name).harmonic.degree
-    assert order_of(name, potential_degree=2, highest=8) == min(wrong - 1, 8)
+    wrong = theory.leading_errors(name).harmonic.degree
+    assert theory.order_of(name, potential_degree=2, highest=8) == min(wrong - 1, 8)
 
 
 @EVERY_METHOD
 def test_a_potential_of_lower_degree_never_lowers_the_order(name):
-    orders = [order_of(name, potential_degree=degree) for degree in (4, 3, 2)]
+    orders = [theory.order_of(name, potential_degree=degree) for degree in (4, 3, 2)]
     assert orders == sorted(orders)
-    assert nystrom_order_of(name) <= orders[0]
+    assert theory.nystrom_order_of(name) <= orders[0]
 
 
 @pytest.mark.parametrize("degree", [1, 0, -3, 2.5, "three", True])
 def test_degree_of_a_potential_below_two_is_refused(degree):
     with pytest.raises(SettingError, match="potential_degree"):
-        order_of("ruth", potential_degree=degree)
+        theory.order_of("ruth", potential_degree=degree)
 
 
 # --- norms -----------------------------------------------------------------------------------------------------------
@@ -148,14 +140,14 @@ def test_the_nystrom_norm_is_the_distance_to_what_vanishes(name, degree):
     )
     solution = np.linalg.lstsq(ideal, error, rcond=None)[0]
     # What double precision leaves where the error vanishes, as below the order.
-    assert error_norm(name, degree) == pytest.approx(np.linalg.norm(error), rel=1e-9, abs=1e-12)
+    assert theory.error_norm(name, degree) == pytest.approx(np.linalg.norm(error), rel=1e-9, abs=1e-12)
     expected = np.linalg.norm(error - ideal @ solution)
-    assert error_norm(name, degree, quadratic=True) == pytest.approx(expected, rel=1e-6, abs=1e-12)
+    assert theory.error_norm(name, degree, quadratic=True) == pytest.approx(expected, rel=1e-6, abs=1e-12)
 
 
 @pytest.mark.parametrize("name", ["ruth", "abas5o6h", "babs7o7h"])
 def test_harmonic_error_is_limit_of_step_minus_rotation(name):
-    degree, norm = leading_errors(name).harmonic
+    degree, norm = theory.leading_errors(name).harmonic
     tau = mpf(10) ** -5
     rotation = mp.matrix([[mp.cos(tau), mp.sin(tau)], [-mp.sin(tau), mp.cos(tau)]])
     # The next term is smaller by the order of tau.
@@ -183,10 +175,10 @@ def rounded(tableau, digits):
 @pytest.mark.parametrize(("name", "order"), [("yoshida_s7o6a", 6), ("babps9o7h", 4), ("ruth", 4)])
 def test_order_is_recognised_from_guaranteed_digits_and_no_fewer(name, order, digits):
     tableau = rounded(integrators[name], digits)
-    assert order_of(tableau) == order
+    assert theory.order_of(tableau) == order
     # Digits claimed beyond those that are right: found out once the bound no longer covers the difference.
     forged = method(name, tableau.first, tableau.outer, tableau.inner, digits + 12)
-    assert order_of(forged) == 2
+    assert theory.order_of(forged) == 2
 
 
 @pytest.mark.parametrize("name", ["yoshida_s7o6a", "babps9o7h", "aba864"])
@@ -208,9 +200,9 @@ def test_the_tolerance_bounds_what_wrong_last_digits_do(name, degree):
 @pytest.mark.parametrize("number", [0, -2, 2.0, True, "4"])
 def test_degree_and_highest_order_must_be_positive_integers(number):
     with pytest.raises(SettingError, match=r"highest = .* is not allowed: an integer >= 1"):
-        order_of("ruth", highest=number)
+        theory.order_of("ruth", highest=number)
     with pytest.raises(SettingError, match=r"degree = .* is not allowed: an integer >= 1"):
-        error_norm("ruth", number)
+        theory.error_norm("ruth", number)
 
 
 # --- two kicks around a short drift, as one of a modified potential ---------------------------------------------------

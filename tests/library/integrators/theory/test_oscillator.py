@@ -14,13 +14,7 @@ from mpmath import cos, mp, mpf, sin, taylor
 import nearharmonic as nh
 from nearharmonic.errors import SettingError
 from nearharmonic.integrators import BENCHMARKED, integrators, plain_integrators
-from nearharmonic.theory.oscillator import (
-    harmonic_energy_error,
-    kappa,
-    lambda_max,
-    stability_trace,
-    step_polynomials,
-)
+from nearharmonic.theory.oscillator import harmonic_energy_error, kappa, lambda_max, stability_trace, step_polynomials
 from nearharmonic.theory.table_4 import TABLEAUS, independent, table_4
 from nearharmonic_paper.experiments.stability.reductions import KNOWN_LIMITS
 from support.oracles.random_tableaus import tableaus

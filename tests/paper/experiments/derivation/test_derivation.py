@@ -20,18 +20,9 @@ from nearharmonic.exact.polynomials import Proof
 from nearharmonic.integrators import integrators
 from nearharmonic.numerics.compiled import RandomStarts
 from nearharmonic.theory.oscillator import harmonic_energy_error
+from nearharmonic_paper.experiments.derivation import families
 from nearharmonic_paper.experiments.derivation import families as isolated
 from nearharmonic_paper.experiments.derivation.experiment import DerivationSettings
-from nearharmonic_paper.experiments.derivation.families import (
-    PRINTED,
-    UNIQUE,
-    _root,
-    agreement,
-    printed_point,
-    rank_printed,
-    reach,
-    solve,
-)
 from nearharmonic_paper.experiments.derivation.run import derive, solution_errors
 from nearharmonic_paper.experiments.derivation.search import (
     Equations,
@@ -61,12 +52,12 @@ SEED = 20150106
 
 @pytest.fixture(scope="module")
 def five():
-    return solve(Equations(5, 6), RandomStarts(4000, SEED, box=2.5, bound=20.0))
+    return families.solve(Equations(5, 6), RandomStarts(4000, SEED, box=2.5, bound=20.0))
 
 
 @pytest.fixture(scope="module")
 def six():
-    return solve(Equations(6, 7), RandomStarts(8000, SEED, box=2.5, bound=20.0))
+    return families.solve(Equations(6, 7), RandomStarts(8000, SEED, box=2.5, bound=20.0))
 
 
 @st.composite
@@ -113,7 +104,7 @@ def test_the_jacobian_is_the_limit_of_exact_differences(case):
             assert abs((a - b) / (2 * h) - jacobian[i][j]) < Fraction(1, 10**38)
 
 
-@pytest.mark.parametrize("name", [*UNIQUE, *PRINTED])
+@pytest.mark.parametrize("name", [*families.UNIQUE, *families.PRINTED])
 def test_printed_sets_solve_position_conditions_but_not_next_order(name):
     tableau = integrators[name]
     equations = Equations(tableau.stages, tableau.harmonic_order, tableau.first)
@@ -134,15 +125,15 @@ def test_odd_order_solution_fails_conditions_of_other_role(name):
 
 
 def test_conditions_fix_four_printed_sets_but_not_six():
-    assert UNIQUE == ("abas5o6h", "abas5o6h_b", "abas5o6h_c", "babs6o7h")
-    assert PRINTED == ("babs6o5h", "babps6o5h", "babs7o7h", "babps7o6h", "babps8o7h", "babps9o7h")
+    assert families.UNIQUE == ("abas5o6h", "abas5o6h_b", "abas5o6h_c", "babs6o7h")
+    assert families.PRINTED == ("babs6o5h", "babps6o5h", "babs7o7h", "babps7o6h", "babps8o7h", "babps9o7h")
 
 
 # --- all solutions of the isolated cases -----------------------------------------------------------------------------
 
 
 def test_three_stages_give_ruth_and_nothing_else():
-    only = solve(Equations(3, 4), RandomStarts(200, SEED, box=2.5, bound=20.0))
+    only = families.solve(Equations(3, 4), RandomStarts(200, SEED, box=2.5, bound=20.0))
     assert only.complete
     assert (only.complex_solutions, only.real_solutions) == (3, 1)
     with mp.workdps(140):
@@ -160,13 +151,13 @@ def test_five_and_six_stages_have_four_and_three_real_solutions(five, six):
 
 
 def test_seven_stages_have_nine_real_of_thirty_five_solutions():
-    seven = solve(Equations(7, 8), RandomStarts(4096, SEED, box=2.5, bound=20.0))
+    seven = families.solve(Equations(7, 8), RandomStarts(4096, SEED, box=2.5, bound=20.0))
     assert (seven.complex_solutions, seven.real_solutions, len(seven.roots), seven.complete) == (35, 9, 9, True)
 
 
-@pytest.mark.parametrize("name", UNIQUE)
+@pytest.mark.parametrize("name", families.UNIQUE)
 def test_isolated_sets_of_print_come_out_to_all_its_digits(name, five, six):
-    found = agreement(name, [five, six])
+    found = families.agreement(name, [five, six])
     assert found.root is not None
     assert found.decimals == 76
 
@@ -221,16 +212,16 @@ def test_solutions_come_most_often_hit_first():
 def test_solution_that_is_counted_but_not_found_leaves_set_incomplete(monkeypatch):
     exact = eliminate(Equations(5, 6))
     more = replace(exact, real_solutions=exact.real_solutions + 1)
-    monkeypatch.setattr("nearharmonic_paper.experiments.derivation.families.eliminate", lambda _: more)
-    assert not solve(Equations(5, 6), RandomStarts(500, SEED, box=2.5, bound=20.0)).complete
-    assert not solve(Equations(5, 6), RandomStarts(500, SEED, box=2.5, bound=20.0), eliminable=0).complete
+    monkeypatch.setattr("nearharmonic_paper.experiments.derivation.search.eliminate", lambda _: more)
+    assert not families.solve(Equations(5, 6), RandomStarts(500, SEED, box=2.5, bound=20.0)).complete
+    assert not families.solve(Equations(5, 6), RandomStarts(500, SEED, box=2.5, bound=20.0), eliminable=0).complete
 
 
 # --- proofs and digits -----------------------------------------------------------------------------------------------
 
 
 def test_candidate_that_does_not_converge_is_reported_with_residual_reached():
-    outcome = _root(Equations(4, 5), [0.3, 0.2, 0.4], digits=50, hits=1, eliminated=False)
+    outcome = families._root(Equations(4, 5), [0.3, 0.2, 0.4], digits=50, hits=1, eliminated=False)
     assert isinstance(outcome, str)
     assert re.fullmatch(r"\(0\.3\d+, .*\): Newton's method reached a residual of \d.*, not 1e-50", outcome)
 
@@ -238,7 +229,7 @@ def test_candidate_that_does_not_converge_is_reported_with_residual_reached():
 def test_candidate_without_proof_is_no_root(monkeypatch, five):
     start = five.equations.halved(*([mpf(c) for c in row] for row in (five.roots[0].outer, five.roots[0].inner)))
     monkeypatch.setattr(isolated, "prove", lambda *_, **__: Proof(False, mpf("1e-3"), mpf(2)))
-    outcome = _root(five.equations, start, digits=30, hits=1, eliminated=False)
+    outcome = families._root(five.equations, start, digits=30, hits=1, eliminated=False)
     assert str(outcome).endswith("no proof within 0.001: the image of Krawczyk's test reaches 2.0")
 
 
@@ -253,7 +244,7 @@ def test_candidate_without_proof_is_no_root(monkeypatch, five):
     [("babs6o5h", 2), ("babps6o5h", 2), ("babs7o7h", 1), ("babps7o6h", 2), ("babps8o7h", 2), ("babps9o7h", 3)],
 )
 def test_other_sets_lie_in_families_to_printed_digits(name, free):
-    point = printed_point(name)
+    point = families.printed_point(name)
     # Half of 2s + 1 coefficients less two sums, less lambda - 2 conditions, if these are independent.
     tableau = integrators[name]
     assert point.free_parameters == free == tableau.stages - 1 - (tableau.harmonic_order - 2)
@@ -265,7 +256,7 @@ def test_other_sets_lie_in_families_to_printed_digits(name, free):
 
 
 def test_rank_of_printed_set_is_that_among_members_of_its_family():
-    (ranking,) = rank_printed(["babs7o7h"], RandomStarts(1000, SEED, bound=5.0))
+    (ranking,) = families.rank_printed(["babs7o7h"], RandomStarts(1000, SEED, bound=5.0))
     assert ranking.members > 50
     # Numbers of the printed set itself, from its strings.
     tableau = integrators["babs7o7h"]
@@ -319,7 +310,7 @@ def test_promising_random_start_leads_simplex_to_root(five):
 
 
 def test_each_stage_from_five_adds_harmonic_order_and_two_powers():
-    reached = reach(range(3, 8), RandomStarts(2000, SEED, bound=20.0), known={})
+    reached = families.reach(range(3, 8), RandomStarts(2000, SEED, bound=20.0), known={})
     assert [r.harmonic_order for r in reached] == [4, 4, 6, 7, 8]
     assert [r.lambda_max for r in reached] == [6, 8, 10, 12, 14]
     assert all(r.proved_largest for r in reached)
@@ -340,7 +331,7 @@ def twice():
 def test_same_seed_gives_same_table(twice):
     first, second = twice
     assert first["document"] == second["document"]
-    assert {a["name"]: a["decimals"] for a in first["document"]["agreements"]} == dict.fromkeys(UNIQUE, 60)
+    assert {a["name"]: a["decimals"] for a in first["document"]["agreements"]} == dict.fromkeys(families.UNIQUE, 60)
     other = search(Equations(5, 6), RandomStarts(300, 4, box=2.5))
     assert other.hits != search(Equations(5, 6), RandomStarts(300, 3, box=2.5)).hits
 
@@ -348,8 +339,8 @@ def test_same_seed_gives_same_table(twice):
 def test_what_is_derived_is_tabulated_and_documented(twice):
     made, _ = twice
     printed = made["table4_derived"].rows
-    assert len({row[0] for row in printed}) == len(UNIQUE) + len(PRINTED)
-    fixed = {integrators[name].label for name in UNIQUE}
+    assert len({row[0] for row in printed}) == len(families.UNIQUE) + len(families.PRINTED)
+    fixed = {integrators[name].label for name in families.UNIQUE}
     # Derived to 60 decimals; where the next ones of the print are zeros it agrees further.
     assert all(60 <= row[-1] < 65 for row in printed if row[0] in fixed)
     rows = {stem: len(made[stem].rows) for stem in made if stem not in {"document", "table4_derived"}}

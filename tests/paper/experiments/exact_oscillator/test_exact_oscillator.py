@@ -14,14 +14,11 @@ from nearharmonic.output.store import read
 from nearharmonic_paper.config import load
 from nearharmonic_paper.experiments.exact_oscillator import CHARGES, ExactOscillatorSettings
 from nearharmonic_paper.experiments.exact_oscillator import reductions as times
+from nearharmonic_paper.experiments.exact_oscillator.figure import exact_oscillator_charge
 from nearharmonic_paper.experiments.exact_oscillator.reductions import BEST, crossing, reduce, reduction
-from nearharmonic_paper.experiments.exact_oscillator.run import (
-    largest_error,
-    measure,
-    radius,
-    starts_on,
-)
+from nearharmonic_paper.experiments.exact_oscillator.run import largest_error, measure, radius, starts_on
 from nearharmonic_paper.tasks import job
+from support.cubes.figure_cubes import amplitudes_of_crossing
 
 SMALL = ExactOscillatorSettings(integrators=("aba864",), energies=5, trajectories=6, t_end="20")
 
@@ -135,6 +132,12 @@ def test_table_has_row_for_each_pair_and_amplitudes_of_energies(small):
     for row in rows:
         assert row["amplitude"] == pytest.approx((2 * row["energy"]) ** 0.5, rel=1e-15)
         assert row["energy_low"] <= row["energy_high"]
+
+
+def test_legend_names_only_methods_with_a_crossing():
+    cube = amplitudes_of_crossing(["aba864", "na7", "ruth"])
+    cube.best_crossing[..., 1] = [np.nan, 0.0, np.inf]
+    assert [text.get_text() for text in exact_oscillator_charge(cube).legends[0].texts] == ["aba864", "ruth"]
 
 
 def test_crossings_between_two_charges_are_interpolated():

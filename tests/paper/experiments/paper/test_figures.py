@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from decimal import Decimal
-from itertools import zip_longest
+from itertools import combinations, pairwise, zip_longest
 
 import numpy as np
 import pytest
-from matplotlib.colors import to_hex
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_hex, to_rgb
 from matplotlib.lines import Line2D
 
 import nearharmonic as nh
@@ -19,9 +21,10 @@ from nearharmonic_paper.experiments.paper import figures as fig6_substeps
 from nearharmonic_paper.experiments.paper import tableaus as decompose
 from nearharmonic_paper.experiments.paper.figures import gain
 from nearharmonic_paper.experiments.paper.orbits import paper_panels
-from support.cubes.artists import NO_LINE, SOLID, drawn, entries, line_of, lines_of, look, look_of, slope, ticks
+from support.cubes.artists import NO_LINE, SOLID, drawn, entries, line_of, lines_of, look, look_of, seen, slope, ticks
 from support.cubes.figure_cubes import (
     GAPS,
+    LONELY,
     METHODS,
     TAU,
     TOY_DRIFT,
@@ -59,7 +62,7 @@ def line_named(axes, text):
 # --- Figures 1, 3 and 5: the curves are the cube's, in the panel, look and legend entry of their method.
 
 
-DASHED = (4, 2)
+DASHED = (4, 5)
 
 
 def test_the_upper_panel_shows_maxima_and_the_lower_one_means():
@@ -93,13 +96,30 @@ def test_double_precision_is_solid_and_extended_precision_dashed():
         assert len(axes.get_lines()) == 2 * len(METHODS) + 2
 
 
-def test_nan_zero_and_infinity_leave_gaps_in_curve():
-    cube = errors(precision=True)
+def test_every_run_is_seen_in_its_panel_or_above_it():
+    cube = errors(precision=True, gaps=LONELY)
     for axes, variable in zip(draw_profile(cube).axes, ("max_energy_error", "mean_energy_error"), strict=True):
-        for name in METHODS:
-            for precision in ("double", "extended"):
-                curve = line_of(axes, TAU, cube[variable].sel(integrator=name, precision=precision))
-                np.testing.assert_array_equal(np.flatnonzero(~drawn(curve)), list(GAPS))
+        runs = cube[variable].stack(run=("precision", "integrator")).transpose("run", ...)
+        for values in runs.values:
+            np.testing.assert_array_equal(seen(line_of(axes, TAU, values)), np.isfinite(values) & (values > 0))
+        (strip,) = axes.child_axes
+        rows = [(to_hex(line.get_color()), line.get_xdata().tolist()) for line in strip.lines]
+        assert rows == [(look_of(one)[0], TAU[runs[0] > 10].tolist()) for one in runs.integrator.values]
+        assert (strip.get_ylabel(), strip.get_xlim()) == ("diverged,\nor > 10", axes.get_xlim())
+    assert not draw_profile(errors(gaps={0: np.nan})).axes[0].child_axes
+
+
+def test_dashes_of_one_curve_are_seen_for_each_method():
+    cube = errors(["aba104", "abas5o6h", "aba864"], precision=True)
+    for values in (cube.max_energy_error, cube.mean_energy_error):
+        values[0], values[1] = np.nan, TAU**4
+    figure = draw_profile(cube)
+    figure.draw_without_rendering()
+    x, y = (slice(*map(int, ends)) for ends in figure.axes[0].bbox.get_points().T)
+    FigureCanvasAgg(figure).draw()
+    picture = np.asarray(figure.canvas.buffer_rgba())[::-1, :, :3][y, x] / 255
+    for name in cube.integrator.values:
+        assert (abs(picture - to_rgb(look_of(name)[0])).max(axis=-1) < 0.15).sum() > 40, name
 
 
 def test_guides_have_the_slopes_that_they_say():
@@ -165,6 +185,16 @@ def test_drift_first_error_terms_are_circles_around_markers(cube):
         assert circle.get_markersize() > inside.get_markersize()
         np.testing.assert_array_equal(ORDERS[drawn(circle)], [3, 5, 6, 7, 8, 9])
     assert len(upper.get_lines()) == 3 * len(METHODS)
+
+
+def test_methods_of_large_terms_have_an_inset(cube):
+    name = str(cube.integrator.values[0])
+    cube.kappa.loc[name, "kick", 9] = 1e9
+    upper, _ = fig2_decomposition.fig2_decomposition(cube).axes
+    (inset,) = upper.child_axes
+    assert inset.get_title() == cube.label.values[0]
+    colours = [{line.get_color() for line in axes.lines} for axes in (inset, upper)]
+    assert (colours[0], look_of(name)[0] in colours[1]) == ({look_of(name)[0]}, False)
 
 
 def test_vanishing_terms_are_bars_for_kick_circles_for_drift_first(cube):
@@ -292,9 +322,19 @@ def test_relativistic_line_is_labelled_at_42_98_arcseconds_per_century(advance_c
     figure = fig4_perihelion.fig4_perihelion(advance_cube)
     _, level = relativistic_line(figure)
     assert level * 206264.806247096355 * 876600 / 2000 == pytest.approx(42.98, rel=1e-12)
-    (note,) = figure.axes[0].texts
+    (note,) = [text for text in figure.axes[0].texts if "relativity" in text.get_text()]
     assert note.get_text() == "general relativity: 42.98″ per century"
     assert note.xy[1] == level
+
+
+def test_advances_that_are_no_results_are_shaded(advance_cube):
+    advance_cube.perihelion_advance[...] = np.geomspace(1e-17, 10, advance_cube.perihelion_advance.size).reshape(
+        advance_cube.perihelion_advance.shape
+    )
+    axes = fig4_perihelion.fig4_perihelion(advance_cube).axes[0]
+    low, high = axes.get_ylim()
+    spans = [patch.get_window_extent().transformed(axes.transData.inverted()).intervaly for patch in axes.patches]
+    np.testing.assert_allclose(spans, [[0.1, high], [low, 1e-15]], rtol=1e-9)
 
 
 def test_the_relativistic_line_of_mercury_is_what_general_relativity_gives(advance_cube):
@@ -344,10 +384,10 @@ def test_a_curve_ends_at_the_limit_where_the_path_leaves(displaced_cube, figure,
 
 #: Text of the legend, by whether the drift and the kick of the pair that follows are negative.
 SAYS = {
-    (False, False): "next c, d ≥ 0",
-    (True, False): "next c < 0",
-    (False, True): "next d < 0",
-    (True, True): "next c, d < 0",
+    (False, False): "next drift and kick forward",
+    (True, False): "next drift backward",
+    (False, True): "next kick backward",
+    (True, True): "next drift and kick backward",
 }
 
 
@@ -415,42 +455,61 @@ def paper():
     return panels, fig6_substeps.fig6_substeps(panels)
 
 
-@pytest.mark.parametrize(("index", "legs"), [(0, "steps-post"), (1, "steps-pre")])
-def test_path_follows_q_in_drifts_and_p_in_kicks(panels_figure, panels, index, legs):
-    # A drift first: along q to the corner, then along p; "steps-post" keeps y, then jumps. A kick first: the reverse.
-    panel = list(panels.values())[index]
-    ways = [line for line in grid(panels_figure)[index].get_lines() if len(line.get_xdata()) > 1]
-    assert [line.get_drawstyle() for line in ways] == [legs] * 2
-    for line, q, p in zip(ways, panel.q.values, panel.p.values, strict=True):
-        np.testing.assert_array_equal(line.get_xdata(), q)
-        np.testing.assert_array_equal(line.get_ydata(), p)
-        assert look(line)[1] is None
-        assert look(line)[3] != NO_LINE
+def test_path_follows_q_in_drifts_and_p_in_kicks(panels_figure, panels):
+    for axes, panel, moves_p in zip(grid(panels_figure), panels.values(), (False, True), strict=True):
+        ways = [line for line in axes.get_lines() if len(line.get_xdata()) > 1]
+        for line, q, p in zip(ways, panel.q.values, panel.p.values, strict=True):
+            np.testing.assert_array_equal(line.get_xydata()[::2], np.column_stack([q, p]))
+            rests = line.get_xdata() if moves_p else line.get_ydata()  # in the first leg of each pair
+            assert not np.diff(rests)[::2].any()
+            assert look(line)[1] is None
+            assert look(line)[3] != NO_LINE
 
 
-def statement(axes):
-    return axes.texts[0].get_text()
+def number(text):
+    return float(text.replace(" × 10", "e").translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")))
 
 
-def raised(exponent):
-    return str(int(exponent)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
-
-
-def test_each_panel_states_final_error_and_largest_later_error(panels_figure, panels):
+def test_each_panel_states_step_and_energy_errors_below_its_frame(panels_figure, panels):
     for axes, panel in zip(grid(panels_figure), panels.values(), strict=True):
         q, p = (panel[name].values[-1, -1] for name in "qp")
-        error, largest = f"{abs((q * q + p * p) / 2 - 0.5) / 0.5:.1e}", f"{panel.max_energy_error.item():.1e}"
-        (a, i), (b, j) = error.split("e"), largest.split("e")
-        assert statement(axes) == (
-            f"energy error {a}×10{raised(i)} after 2 iterations,\nup to {b}×10{raised(j)} in 1000 iterations"
-        )
+        says = axes.texts[-1].get_text()
+        error, largest = re.fullmatch(
+            r"τ = 0\.3, \|ΔH/H₀\| = (.+) after 2 iterations,\nat most (.+) in 1000 iterations", says
+        ).groups()
+        assert number(error) == pytest.approx(abs((q * q + p * p) / 2 - 0.5) / 0.5, rel=0.05)
+        assert number(largest) == pytest.approx(panel.max_energy_error.item(), rel=0.05)
+        assert axes.texts[-1].get_window_extent().y1 < axes.bbox.y0
 
 
 def test_a_panel_states_where_its_path_leaves_its_energy_surface(paper):
     panels, panels_figure = paper
-    texts = dict(zip(panels, map(statement, grid(panels_figure)), strict=True))
+    texts = dict(zip(panels, (axes.texts[-1].get_text() for axes in grid(panels_figure)), strict=True))
+    assert [texts[letter].split(",")[0] for letter in "ABCD"] == ["τ = π/4", "τ = π/4", "τ = 2", "τ = 2"]
     assert texts["C"].endswith(f"leaves its energy surface at iteration {int(panels['C'].left_at)}")
     assert all("leaves" not in texts[letter] for letter in "ABD")
+
+
+def test_labels_number_substeps_and_name_H_beside_dots_and_paths(paper):
+    panels, panels_figure = paper
+    for axes, panel in zip(grid(panels_figure), panels.values(), strict=True):
+        texts = {text.get_text(): text for text in axes.texts[:-1]}
+        dots = axes.transData.transform(np.column_stack([panel.q.values[0], panel.p.values[0]]))
+        levels = [text for text in texts if text.startswith("H = ")]
+        assert set(texts) == {*map(str, range(1, len(dots) - 1)), *levels}
+        assert len(levels) == 3
+        for text in levels:
+            q, p = texts[text].xy
+            expected = p**2 / 2 + q**2 / 2 - (q**3 / 3 if panel.attrs["system"] == "henon_heiles" else 0)
+            assert float(text.removeprefix("H = ")) == pytest.approx(expected, rel=0.01)  # linear within a cell
+        boxes = [text.get_window_extent().padded(-1) for text in texts.values()]
+        assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
+        for line in axes.get_lines():
+            along = axes.transData.transform(line.get_xydata())
+            points = [a + (b - a) * np.arange(0, 1, 0.01)[:, None] for a, b in pairwise(along)] or [along]
+            assert not any(box.contains(*point) for box in boxes for point in np.concatenate(points))
+        for i, dot in enumerate(dots[1:-1], start=1):
+            assert np.hypot(*(axes.transData.transform(texts[str(i)].xy) - dot)) < 0.08 * axes.bbox.width
 
 
 def test_dashed_contour_runs_through_start_and_window_is_cubes(panels_figure, panels):

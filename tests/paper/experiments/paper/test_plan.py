@@ -18,18 +18,8 @@ from nearharmonic.integrators import integrators
 from nearharmonic.output.store import write
 from nearharmonic.output.table import Table, save
 from nearharmonic_paper.experiments.paper import reductions, run
+from nearharmonic_paper.experiments.paper import run as plan
 from nearharmonic_paper.experiments.paper.earlier import Earlier, forget, keep
-from nearharmonic_paper.experiments.paper.run import (
-    Omission,
-    check_sweep,
-    runs_of,
-    shard_range,
-    shards_of,
-    skipped,
-    suitable_shards,
-    summary_line,
-    totals,
-)
 from nearharmonic_paper.tasks.provenance import provenance, task
 from support.oracles.reference_solutions import ellipse_error
 from support.projects.plans import omitted, planned_runs
@@ -67,7 +57,7 @@ def test_grid_has_equal_ratios_from_lowest_to_highest():
 @pytest.mark.parametrize("count", [1, 2, 7, 161])
 def test_shards_share_the_grid_without_gap_or_overlap(count):
     asked = replace(SHO, shards=count)
-    shards = [shard_range(asked, "ruth", index) for index in range(shards_of(asked, "ruth"))]
+    shards = [plan.shard_range(asked, "ruth", index) for index in range(plan.shards_of(asked, "ruth"))]
     assert [i for part in shards for i in part] == list(range(161))
 
 
@@ -95,10 +85,10 @@ def test_steps_of_a_grid_are_those_of_each_step_size(name):
 def test_jobs_of_a_fine_grid_take_the_time_asked_for():
     """10^5 step sizes: all jobs have equal shares, but for one run, of which there are thousands in each."""
     fine = replace(HENON_HEILES, points_per_decade=25_000, samples=0)
-    count = suitable_shards(fine, 5.0)
-    assert suitable_shards(fine, 50.0) == -(-count // 10)
+    count = plan.suitable_shards(fine, 5.0)
+    assert plan.suitable_shards(fine, 50.0) == -(-count // 10)
     asked = replace(fine, shards=count)
-    parts = [runs_of(asked, "ruth", index)[0] for index in (0, count // 2, count - 1)]
+    parts = [plan.runs_of(asked, "ruth", index)[0] for index in (0, count // 2, count - 1)]
     costs = [sum(part.steps) * 3 * 2e-9 + len(part.steps) * 1e-4 for part in parts]
     assert costs == pytest.approx([5.0] * 3, rel=0.05)
 
@@ -109,7 +99,7 @@ def test_extended_precision_covers_exactly_step_sizes_near_double_floor(name):
     extended = {
         tau
         for index in (0, 1)
-        for run in runs_of(SHO, name, index)
+        for run in plan.runs_of(SHO, name, index)
         if run.precision == "extended"
         for tau in run.tau_per_stage
     }
@@ -123,13 +113,13 @@ def test_extended_precision_covers_exactly_step_sizes_near_double_floor(name):
 
 def test_extended_precision_covers_whole_grid_where_nothing_foretells_error():
     both = replace(HENON_HEILES, precision=("double", "extended"))
-    double, extended = runs_of(both, "ruth", 0)
+    double, extended = plan.runs_of(both, "ruth", 0)
     assert double.tau_per_stage == extended.tau_per_stage
 
 
 def test_extended_precision_alone_covers_the_whole_grid():
     alone = replace(SHO, precision=("extended",), shards=1)
-    (run,) = runs_of(alone, "ruth", 0)
+    (run,) = plan.runs_of(alone, "ruth", 0)
     assert run.tau_per_stage == tau_grid(SHO.lowest, SHO.highest, SHO.points_per_decade)
     assert {row.reason for row in omitted(*config(alone))}.isdisjoint(
         {"in double, the error is over 100 times the rounding floor"}
@@ -139,8 +129,8 @@ def test_extended_precision_alone_covers_the_whole_grid():
 def test_step_sizes_with_equal_steps_share_shard():
     short = replace(HENON_HEILES, t_end="5")  # one to five steps at the coarse end: many coincide
     seen = {}
-    for index in range(shards_of(short, "ruth")):
-        (run,) = runs_of(short, "ruth", index)
+    for index in range(plan.shards_of(short, "ruth")):
+        (run,) = plan.runs_of(short, "ruth", index)
         assert list(run.steps) == sorted(run.steps, reverse=True)
         for steps in run.steps:
             assert seen.setdefault(steps, index) == index
@@ -179,13 +169,13 @@ def test_evaluations_count_the_kicks_that_are_left_when_neighbours_merge(name, s
 )
 def test_more_than_a_machine_has_is_refused_with_the_number(change, says):
     with pytest.raises(SettingError, match=says):
-        check_sweep(replace(HENON_HEILES, **change), ("ruth", "babs7o7h"))
+        plan.check_sweep(replace(HENON_HEILES, **change), ("ruth", "babs7o7h"))
 
 
 def test_most_steps_of_method_are_those_of_fewest_stages():
-    check_sweep(replace(HENON_HEILES, lowest=1e-7, highest=1e-7), ("babs7o7h",))  # 500 / 7e-7 = 7.1e8
+    plan.check_sweep(replace(HENON_HEILES, lowest=1e-7, highest=1e-7), ("babs7o7h",))  # 500 / 7e-7 = 7.1e8
     with pytest.raises(NearharmonicError, match="1666666667 steps"):
-        check_sweep(replace(HENON_HEILES, lowest=1e-7, highest=1e-7), ("babs7o7h", "ruth"))
+        plan.check_sweep(replace(HENON_HEILES, lowest=1e-7, highest=1e-7), ("babs7o7h", "ruth"))
 
 
 # --- Each reason for an omission, with its runs and force evaluations counted by hand.
@@ -201,7 +191,7 @@ def asked_of(system, method, t_end, lowest, highest, precision=("double",)):
 
 def found(settings, cubes=None):
     """(precision, what, runs, evaluations) of each row; all are of the config's one system and method."""
-    rows = skipped(*settings, cubes or {})
+    rows = plan.skipped(*settings, cubes or {})
     assert {(row.system, row.integrator) for row in rows} == {(settings[0][0].system, settings[1][0])}
     return {(row.precision, row.what): (row.runs, row.evaluations) for row in rows}
 
@@ -256,7 +246,7 @@ def test_runs_that_were_skipped_are_not_counted_as_done():
     double = runs([40, 20], [41, 6], ["ok", "diverged"])
     extended = runs([40, 0], [41, 0], ["ok", "skipped"], "extended")
     cube = xr.concat([double, extended], "precision", data_vars="all")
-    done, full, *saved = totals([], {"henon_heiles": cube})
+    done, full, *saved = plan.totals([], {"henon_heiles": cube})
     assert (done.runs, done.evaluations) == (full.runs, full.evaluations) == (3, 88)
     assert saved == []
 
@@ -265,12 +255,12 @@ def test_runs_that_were_skipped_are_not_counted_as_done():
 def test_totals_add_rows_of_reason_and_put_largest_first(many):
     row = {"system": "sho", "integrator": "ruth", "precision": "double"}
     rows = [
-        Omission(**row, what="runs of a step size", reason="few", runs=3, evaluations=400),
-        Omission(**row, what="the rest of a run", reason="many", runs=1, evaluations=many),
-        Omission(**row, what="the rest of a run", reason="many", runs=2, evaluations=50),
+        plan.Omission(**row, what="runs of a step size", reason="few", runs=3, evaluations=400),
+        plan.Omission(**row, what="the rest of a run", reason="many", runs=1, evaluations=many),
+        plan.Omission(**row, what="the rest of a run", reason="many", runs=2, evaluations=50),
     ]
     cube = runs([40], [41], ["ok"])
-    done, full, *saved = totals(rows, {"henon_heiles": cube})
+    done, full, *saved = plan.totals(rows, {"henon_heiles": cube})
     assert (done.runs, done.evaluations) == (1, 41)
     assert (full.runs, full.evaluations) == (1 + 3, 41 + 450 + many)
     few, rest = ("runs of a step size: few", 3, 400), ("the rest of a run: many", 3, many + 50)
@@ -280,14 +270,14 @@ def test_totals_add_rows_of_reason_and_put_largest_first(many):
 
 @pytest.mark.parametrize(("unit", "counts"), [(10**6, "41 of 164 million"), (10**8, "4.1 of 16.4 billion")])
 def test_line_has_evaluations_done_and_in_full_grid(tmp_path, unit, counts):
-    row = Omission(
+    row = plan.Omission(
         system="sho", integrator="ruth", precision="double", what="the rest of a run", reason="left", runs=1,
         evaluations=123 * unit,
     )  # fmt: skip
-    rows = [row, *totals([row], {"henon_heiles": runs([40 * unit], [41 * unit], ["ok"])})]
-    save(Table(header=Omission._fields, rows=rows, caption=""), [tmp_path / "skipped.csv"])
+    rows = [row, *plan.totals([row], {"henon_heiles": runs([40 * unit], [41 * unit], ["ok"])})]
+    save(Table(header=plan.Omission._fields, rows=rows, caption=""), [tmp_path / "skipped.csv"])
     said = f"Computed {counts} force evaluations; the rest cannot change a result"
-    assert summary_line(tmp_path / "skipped.csv") == said
+    assert plan.summary_line(tmp_path / "skipped.csv") == said
 
 
 # --- Runs that an earlier config has made are taken over: what is integrated, and the bytes of the files.
@@ -320,7 +310,7 @@ def integrated(monkeypatch):
 def make(folder, asked, function=KEEPING):
     """Write the run files of Ruth's method as jobs do, and return their bytes."""
     contents = {}
-    shards = [folder / f"runs/{asked.system}/ruth/{i}.h5" for i in range(shards_of(asked, "ruth"))]
+    shards = [folder / f"runs/{asked.system}/ruth/{i}.h5" for i in range(plan.shards_of(asked, "ruth"))]
     keep(folder, shards)
     for index, place in enumerate(shards):
         settings = {"sweep": asked, "integrator": "ruth", "shard": index}
@@ -335,7 +325,7 @@ def make(folder, asked, function=KEEPING):
 
 
 def planned(asked):
-    runs = [one for index in range(shards_of(asked, "ruth")) for one in runs_of(asked, "ruth", index)]
+    runs = [one for index in range(plan.shards_of(asked, "ruth")) for one in plan.runs_of(asked, "ruth", index)]
     return {(one.precision, steps) for one in runs for steps in one.steps}
 
 

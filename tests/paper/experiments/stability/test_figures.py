@@ -14,21 +14,7 @@ from nearharmonic_paper.experiments.stability.figures import (
     linear_stability,
     rounding_growth,
 )
-from support.cubes.artists import (
-    NO_LINE,
-    SOLID,
-    drawn,
-    entries,
-    line_of,
-    lines_of,
-    look,
-    look_of,
-    looks,
-    pixels,
-    slope,
-    span,
-    ticks,
-)
+from support.cubes import artists
 from support.cubes.figure_cubes import METHODS, TAU, label
 from support.cubes.stability_cubes import LOST, TURNED, amplitudes, ensembles, orbits, rounding, traces
 
@@ -39,7 +25,7 @@ RED = 0
 
 
 def colour_of(name):
-    return look_of(name)[0]
+    return artists.look_of(name)[0]
 
 
 # Linear stability
@@ -55,7 +41,9 @@ def gaps(cube, name):
 def test_gaps_are_red_from_first_to_last_step_size():
     cube = traces()
     for axes, name in zip(linear_stability(cube).axes, METHODS, strict=True):
-        _, *red = [(span(patch), patch.get_facecolor()) for patch in axes.patches]  # the first is the stable band
+        _, *red = [
+            (artists.span(patch), patch.get_facecolor()) for patch in axes.patches
+        ]  # the first is the stable band
         np.testing.assert_allclose([edges for edges, _ in red], gaps(cube, name), rtol=1e-15)
         assert all(np.argmax(colour[:3]) == RED for _, colour in red)
         (low, high), (bottom, top) = axes.get_xlim(), axes.get_ylim()
@@ -80,7 +68,7 @@ def test_curves_are_half_trace_in_method_colour_and_exact_cosine():
         shown = np.abs(trace) <= axes.get_ylim()[1]
         assert 10 < shown.sum() < tau.size - 10
         np.testing.assert_array_equal(ours.get_ydata()[shown], trace[shown])
-        assert look(ours) == (colour_of(name), None, None, SOLID)
+        assert artists.look(ours) == (colour_of(name), None, None, artists.SOLID)
         assert colour_of(name) != to_hex(exact.get_color())
 
 
@@ -105,7 +93,7 @@ def test_panels_of_kinetic_energy_show_errors_by_step_and_over_ruth_by_amplitude
     for panel, letter, (title, x, values) in zip(axes, "ABCD", shown, strict=True):
         assert (panel.get_title(), panel.get_title(loc="left")) == (letter, title)
         for name in METHODS:
-            assert look(line_of(panel, x, values.sel(integrator=name))) == look_of(name)
+            assert artists.look(artists.line_of(panel, x, values.sel(integrator=name))) == artists.look_of(name)
         assert len(panel.get_lines()) == len(METHODS)
         assert (panel.get_xscale(), panel.get_yscale()) == ("log", "log")
     for left, right in (axes[:2], axes[2:]):
@@ -131,18 +119,18 @@ VARIABLES = (
 def test_rms_is_drawn_over_time_with_dashes_by_source():
     cube = rounding()
     figure = rounding_growth(cube)
-    sources = looks(figure.legends[1])
+    sources = artists.looks(figure.legends[1])
     assert list(sources) == ["plain", "compensated", "extended", "coefficients"]
     assert len({dashes for *_, dashes in sources.values()}) == 4
-    assert sources["plain"][3] == SOLID
+    assert sources["plain"][3] == artists.SOLID
     for axes, (variable, shown, _) in zip(figure.axes[:2], VARIABLES, strict=True):
         for name in METHODS:
             time = cube.time.sel(integrator=name)
             for source in shown:
                 rms = cube[f"{variable}_rms"].sel(integrator=name, source=source)
-                curve = line_of(axes, time, rms)
-                assert look(curve) == (colour_of(name), None, None, sources[source][3])
-                assert drawn(curve).all()
+                curve = artists.line_of(axes, time, rms)
+                assert artists.look(curve) == (colour_of(name), None, None, sources[source][3])
+                assert artists.drawn(curve).all()
         assert len(axes.get_lines()) == len(METHODS) * len(shown) + 3
 
 
@@ -151,7 +139,7 @@ def test_grey_laws_have_brouwers_slopes_above_curve_centres():
     for axes, (variable, _, exponent) in zip(rounding_growth(cube).axes[:2], VARIABLES, strict=True):
         laws = axes.get_lines()[-3:]
         for source, law in zip(("plain", "compensated", "extended"), laws, strict=True):
-            assert slope(law) == pytest.approx(exponent, abs=1e-9)
+            assert artists.slope(law) == pytest.approx(exponent, abs=1e-9)
             ends = cube[f"{variable}_rms"].sel(source=source).values[:, -1]
             assert law.get_ydata()[-1] == pytest.approx(6 * np.prod(ends) ** (1 / len(METHODS)), rel=1e-12)
             red, green, blue = (int(to_hex(law.get_color())[i : i + 2], 16) for i in (1, 3, 5))
@@ -161,28 +149,34 @@ def test_grey_laws_have_brouwers_slopes_above_curve_centres():
 def test_exponents_stand_in_row_of_their_method_with_their_intervals():
     cube = rounding()
     figure = rounding_growth(cube)
-    markers = {source: marker for source, (_, marker, _, _) in looks(figure.legends[1]).items() if marker}
+    markers = {source: marker for source, (_, marker, _, _) in artists.looks(figure.legends[1]).items() if marker}
     assert list(markers) == ["plain", "compensated", "extended"]
     assert len(set(markers.values())) == 3
     for axes, (variable, _, exponent) in zip(figure.axes[2:], VARIABLES, strict=True):
         found = {container[0].get_xdata()[0]: container for container in axes.containers}
         assert len(found) == 3 * len(METHODS)
-        assert axes is not figure.axes[2] or ticks(axes.yaxis) == {label(name): row for row, name in enumerate(METHODS)}
+        assert axes is not figure.axes[2] or artists.ticks(axes.yaxis) == {
+            label(name): row for row, name in enumerate(METHODS)
+        }
         for row, name in enumerate(METHODS):
             heights = []
             for source, marker in markers.items():
                 one = cube.sel(integrator=name, source=source)
                 middle, width = one[f"{variable}_exponent"].item(), one[f"{variable}_interval"].item()
                 point, _, (bar,) = found[middle]
-                assert look(point)[:2] == (colour_of(name), marker)
-                assert look(point)[3] == NO_LINE
+                assert artists.look(point)[:2] == (colour_of(name), marker)
+                assert artists.look(point)[3] == artists.NO_LINE
                 (segment,) = bar.get_segments()
                 np.testing.assert_allclose(segment[:, 0], [middle - width, middle + width], rtol=1e-14)
                 assert to_hex(bar.get_color()[0]) == colour_of(name)
                 heights.append(point.get_ydata()[0])
             assert np.round(heights).tolist() == [row] * 3
             assert heights == sorted(set(heights))
-        (law,) = [line for line in axes.get_lines() if look(line)[1] is None and look(line)[3] == SOLID]
+        (law,) = [
+            line
+            for line in axes.get_lines()
+            if artists.look(line)[1] is None and artists.look(line)[3] == artists.SOLID
+        ]
         assert list(law.get_xdata()) == [exponent, exponent]
 
 
@@ -207,7 +201,7 @@ def shade(colours, value, low, high):
 def henon_heiles():
     cube = ensembles()
     figure = henon_heiles_stability(cube)
-    return cube, figure, [axes for axes in figure.axes if axes.images], pixels(figure)
+    return cube, figure, [axes for axes in figure.axes if axes.images], artists.pixels(figure)
 
 
 @pytest.mark.slow
@@ -231,7 +225,7 @@ def test_energies_are_fractions_in_strip_of_named_method(henon_heiles):
     _, _, maps, _ = henon_heiles
     for axes, name in zip(maps, METHODS, strict=True):
         assert axes.get_ylabel() == label(name)
-        assert ticks(axes.yaxis) == {"1/24": 0, "1/8": 1, "1/6": 2}
+        assert artists.ticks(axes.yaxis) == {"1/24": 0, "1/8": 1, "1/6": 2}
         heights = [axes.transData.transform((0.3, row))[1] for row in range(3)]
         assert heights == sorted(heights, reverse=True)
     assert maps[-1].get_xlabel() == r"step size per stage, $\tau/s$"
@@ -243,10 +237,10 @@ def test_white_edged_line_is_at_first_linear_limit_inside_map():
     cube["linear_limit"] = ("integrator", [0.27, 0.56, 0.35])
     figure = henon_heiles_stability(cube)
     maps = [axes for axes in figure.axes if axes.images]
-    colour = look(entries(figure.legends[0])["first linear limit"][0])
+    colour = artists.look(artists.entries(figure.legends[0])["first linear limit"][0])
     assert colour[1] is None
     for axes, limits in zip(maps, ([0.27], [], [0.35]), strict=True):
-        lines = [line for line in axes.get_lines() if look(line) == colour]
+        lines = [line for line in axes.get_lines() if artists.look(line) == colour]
         assert [list(line.get_xdata()) for line in lines] == [[limit, limit] for limit in limits]
         # The others are the white lines between the strips.
         others = [line for line in axes.get_lines() if line not in lines]
@@ -260,7 +254,7 @@ def test_white_edged_line_is_at_first_linear_limit_inside_map():
 def test_colour_bar_of_ensembles_is_that_of_every_map(henon_heiles):
     _, figure, maps, _ = henon_heiles
     (bar,) = [axes for axes in figure.axes if "median" in axes.get_title()]
-    assert_decades(bar.get_xlim(), ticks(bar.xaxis), -8, [axes.images[0] for axes in maps])
+    assert_decades(bar.get_xlim(), artists.ticks(bar.xaxis), -8, [axes.images[0] for axes in maps])
 
 
 def assert_decades(limits, places, lowest, images):
@@ -278,7 +272,7 @@ def kepler():
     cube = orbits()
     cube["evaluations_for_contour"] *= np.nan  # no white line over the cells
     figure = kepler_stability(cube)
-    return cube, figure, pixels(figure)
+    return cube, figure, artists.pixels(figure)
 
 
 def maps_of(part):
@@ -308,7 +302,7 @@ def test_each_cell_shows_its_number_or_grey_for_lost_orbit(kepler, index, variab
 
 def assert_eccentricities(axes):
     """Ticks stand at 1 - e, with e growing upwards from a circle to the last orbit."""
-    places = ticks(axes.yaxis)
+    places = artists.ticks(axes.yaxis)
     assert places == {text: pytest.approx(1 - float(text), rel=1e-12) for text in places}
     assert list(places) == ["0", "0.5", "0.8", "0.9", "0.95", "0.98", "0.99"]
     assert axes.get_ylim() == (1.0, pytest.approx(0.01, rel=1e-12))
@@ -319,17 +313,17 @@ def test_map_colour_bars_and_legends_explain_colours(kepler):
     _, figure, _ = kepler
     for part in figure.subfigs[:2]:
         bar = part.axes[-1]
-        assert_decades(bar.get_ylim(), ticks(bar.yaxis), -10, [axes.collections[0] for axes in maps_of(part)])
-        assert to_hex(entries(part.legends[0])["lost"][0].get_facecolor()) == "#b8b8b8"
+        assert_decades(bar.get_ylim(), artists.ticks(bar.yaxis), -10, [axes.collections[0] for axes in maps_of(part)])
+        assert to_hex(artists.entries(part.legends[0])["lost"][0].get_facecolor()) == "#b8b8b8"
 
 
 def test_white_map_line_is_method_contour_on_energy_map_only():
     cube = orbits()
     energy, advance, _ = kepler_stability(cube).subfigs
     for axes, name in zip(maps_of(energy), METHODS, strict=True):
-        contour = line_of(axes, cube.evaluations_for_contour.sel(integrator=name), 1 - cube.eccentricity)
-        assert look(contour) == ("#ffffff", None, None, SOLID)
-        assert drawn(contour).tolist() == [True] * 5 + [False]
+        contour = artists.line_of(axes, cube.evaluations_for_contour.sel(integrator=name), 1 - cube.eccentricity)
+        assert artists.look(contour) == ("#ffffff", None, None, artists.SOLID)
+        assert artists.drawn(contour).tolist() == [True] * 5 + [False]
     assert not any(axes.get_lines() for axes in maps_of(advance))
 
 
@@ -339,10 +333,10 @@ def test_panel_c_shows_contour_of_each_method_named_in_legend():
     part = kepler_stability(cube).subfigs[2]
     (axes,) = part.axes
     for name in METHODS:
-        (contour,) = lines_of(axes, cube.evaluations_for_contour.sel(integrator=name), 1 - cube.eccentricity)
-        assert look(contour) == look_of(name)
+        (contour,) = artists.lines_of(axes, cube.evaluations_for_contour.sel(integrator=name), 1 - cube.eccentricity)
+        assert artists.look(contour) == artists.look_of(name)
     assert len(axes.get_lines()) == len(METHODS)
-    assert looks(part.legends[0]) == {label(name): look_of(name) for name in METHODS}
+    assert artists.looks(part.legends[0]) == {label(name): artists.look_of(name) for name in METHODS}
     assert axes.get_title(loc="left") == r"evaluations for $\max\,|\Delta H/H_0| < 10^{-6}$"
     assert (axes.get_xlabel(), axes.get_ylabel(), axes.get_xscale()) == ("force evaluations per orbit", "e", "log")
     assert_eccentricities(axes)

@@ -26,6 +26,7 @@ from nearharmonic_paper.experiments.stability import run
 from nearharmonic_paper.experiments.stability import run as conservation
 from nearharmonic_paper.experiments.stability import run as maps
 from nearharmonic_paper.experiments.stability import run as rounding
+from nearharmonic_paper.experiments.stability import settings as sizes
 from nearharmonic_paper.experiments.stability.reductions import OF_ROUNDING as reduction
 from nearharmonic_paper.experiments.stability.reductions import (
     defect,
@@ -38,13 +39,6 @@ from nearharmonic_paper.experiments.stability.reductions import (
 )
 from nearharmonic_paper.experiments.stability.run import henon_heiles_surface, kepler_apoapsis
 from nearharmonic_paper.experiments.stability.run import kinetic_energy_measure as measure
-from nearharmonic_paper.experiments.stability.settings import (
-    EnsembleSettings,
-    EvaluationsGrid,
-    EvenStepSizes,
-    MapSettings,
-    RoundingSettings,
-)
 from support.oracles.multiprecision import trajectory
 from support.oracles.structures import runs_of, structure
 
@@ -131,11 +125,11 @@ def dataset(contents):
     return xr.Dataset(contents["run"].variables)
 
 
-MAP = MapSettings(
+MAP = sizes.MapSettings(
     eccentricities=8,
     highest_eccentricity=0.9,
     orbits=4,
-    evaluations_per_orbit=EvaluationsGrid(lowest=20.0, highest=5000.0, points_per_decade=10),
+    evaluations_per_orbit=sizes.EvaluationsGrid(lowest=20.0, highest=5000.0, points_per_decade=10),
 )  # fmt: skip
 
 
@@ -308,10 +302,10 @@ def test_quantiles_and_fraction_are_those_of_the_sorted_runs(tau, escapes):
 
 
 def test_ensemble_map_is_bitwise_reproducible_and_depends_on_seed():
-    grid = EvenStepSizes(lowest="0.2", highest="0.3", spacing="0.1")
+    grid = sizes.EvenStepSizes(lowest="0.2", highest="0.3", spacing="0.1")
     settings = {"trajectories": 20, "energies": ("1/12",), "t_end": "20", "tau_per_stage": grid}
     first, again, other = (
-        dataset(run.henon_heiles_measure("ruth", EnsembleSettings(**settings, seed=seed))) for seed in (1, 1, 2)
+        dataset(run.henon_heiles_measure("ruth", sizes.EnsembleSettings(**settings, seed=seed))) for seed in (1, 1, 2)
     )
     assert first.identical(again)
     assert not np.array_equal(first.energy_error, other.energy_error)
@@ -344,7 +338,7 @@ def test_warming_up_compiles_what_the_runs_use():
 # --- Lost digits: Brouwer's powers in every arithmetic, and synthetic random walks whose exponent is known.
 
 
-LONG = RoundingSettings(ensemble=32, steps=40_000, evaluations_per_orbit=400, seed=1)
+LONG = sizes.RoundingSettings(ensemble=32, steps=40_000, evaluations_per_orbit=400, seed=1)
 
 
 @pytest.fixture(scope="module")
@@ -384,7 +378,7 @@ def test_rounded_coefficients_alone_shift_the_phase_in_proportion_to_time(lost_d
 
 def test_coefficients_that_are_doubles_shift_nothing():
     """Leapfrog's 1/2 and 1 times a period over 64 are doubles: what is left is the rounding of double-double."""
-    settings = RoundingSettings(ensemble=3, steps=2000, evaluations_per_orbit=64, seed=1)
+    settings = sizes.RoundingSettings(ensemble=3, steps=2000, evaluations_per_orbit=64, seed=1)
     assert np.abs(dataset(rounding.rounding_measure("leapfrog", settings)).lag.sel(source="coefficients")).max() < 1e-25
 
 
@@ -422,7 +416,7 @@ def test_errors_are_those_that_were_put_in():
 
 @pytest.mark.parametrize("stages", [1, 3, 9])
 def test_samples_of_long_runs_are_whole_periods_apart(stages):
-    settings = RoundingSettings(ensemble=3, steps=1_000_000, evaluations_per_orbit=400, seed=1)
+    settings = sizes.RoundingSettings(ensemble=3, steps=1_000_000, evaluations_per_orbit=400, seed=1)
     plan = rounding.rounding_schedule(settings, stages)
     per_orbit = round(400 / stages)
     assert plan.samples == rounding.ROUNDING_SAMPLES

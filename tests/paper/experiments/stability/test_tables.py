@@ -16,6 +16,7 @@ from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.output.store import read
 from nearharmonic.systems import systems
+from nearharmonic_paper.experiments.stability import settings as sizes
 from nearharmonic_paper.experiments.stability.reductions import OF_KINETIC_ENERGY as reduction
 from nearharmonic_paper.experiments.stability.reductions import (
     henon_heiles_cube,
@@ -32,13 +33,6 @@ from nearharmonic_paper.experiments.stability.reductions import (
     structure_table,
 )
 from nearharmonic_paper.experiments.stability.run import exchanged
-from nearharmonic_paper.experiments.stability.settings import (
-    EnsembleSettings,
-    EvaluationsGrid,
-    EvenStepSizes,
-    MapSettings,
-    RoundingSettings,
-)
 from nearharmonic_paper.tasks.job import covered, write
 from nearharmonic_paper.tasks.provenance import function_of, provenance, task
 from support.oracles.structures import runs_of, structure
@@ -441,19 +435,19 @@ def test_interval_of_exponent_is_jackknife_of_its_orbits():
 
 PAIR = ("ruth", "babps9o7h")
 SMALL = {
-    "henon_heiles": EnsembleSettings(
+    "henon_heiles": sizes.EnsembleSettings(
         trajectories=10,
         energies=("1/24", "1/6"),
         t_end="20",
-        tau_per_stage=EvenStepSizes(lowest="0.1", highest="0.7", spacing="0.1"),
+        tau_per_stage=sizes.EvenStepSizes(lowest="0.1", highest="0.7", spacing="0.1"),
     ),
-    "kepler": MapSettings(
+    "kepler": sizes.MapSettings(
         eccentricities=6,
         highest_eccentricity=0.9,
         orbits=3,
-        evaluations_per_orbit=EvaluationsGrid(lowest=10.0, highest=1000.0, points_per_decade=4),
+        evaluations_per_orbit=sizes.EvaluationsGrid(lowest=10.0, highest=1000.0, points_per_decade=4),
     ),
-    "rounding": RoundingSettings(ensemble=3, steps=8000, evaluations_per_orbit=400, seed=1),
+    "rounding": sizes.RoundingSettings(ensemble=3, steps=8000, evaluations_per_orbit=400, seed=1),
 }
 REDUCTIONS = {"henon_heiles": henon_heiles_cube, "kepler": kepler_cube, "rounding": rounding_cube}
 

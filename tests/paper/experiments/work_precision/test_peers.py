@@ -19,18 +19,7 @@ from nearharmonic.integrators import integrators
 from nearharmonic.recommendation.measure import Interval, quiet
 from nearharmonic.systems import Parameter, System, systems
 from nearharmonic.systems.gradients import velocity
-from nearharmonic_paper.experiments.work_precision import WorkPrecisionSettings
-from nearharmonic_paper.experiments.work_precision.peers import (
-    LIBRARIES,
-    PEERS,
-    Attempt,
-    Peer,
-    compiled_force,
-    is_installed,
-    missing,
-    numpy_splitting,
-    rebound_simulation,
-)
+from nearharmonic_paper.experiments.work_precision import WorkPrecisionSettings, peers
 from nearharmonic_paper.experiments.work_precision.run import energy_errors, measured_peer
 from support.oracles.reference_solutions import oscillator_state
 
@@ -49,34 +38,36 @@ RELATIVISTIC = System(
 )
 
 
-@pytest.mark.parametrize("library", [name for name in LIBRARIES if name != "numpy"])
+@pytest.mark.parametrize("library", [name for name in peers.LIBRARIES if name != "numpy"])
 def test_a_library_that_is_missing_is_named_not_skipped(library, monkeypatch):
     monkeypatch.setitem(sys.modules, library, None)  # what Python itself does to forbid an import
     monkeypatch.setenv("PATH", "")  # where compilers are looked for
-    assert missing(library) == "not installed"
-    for peer in PEERS.values():
+    assert peers.missing(library) == "not installed"
+    for peer in peers.PEERS.values():
         if peer.module == library:
             solver = measured_peer(peer, Interval(systems["kepler"], "5"), (0.1, 1.0), 1.0)
             assert (solver.method, solver.status, solver.settings) == (peer.name, "not installed", 0)
-    assert is_installed("numpy")
-    assert not is_installed("gcc")
+    assert peers.is_installed("numpy")
+    assert not peers.is_installed("gcc")
 
 
 def test_a_library_that_is_broken_says_how(monkeypatch, tmp_path):
     (tmp_path / "heyoka.py").write_text("raise ImportError('libsomething.so: cannot open')")
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.delitem(sys.modules, "heyoka", raising=False)
-    assert missing("heyoka") == "cannot be imported: libsomething.so: cannot open"
+    assert peers.missing("heyoka") == "cannot be imported: libsomething.so: cannot open"
 
 
 def test_all_solvers_are_timed_unless_the_config_names_libraries():
-    assert WorkPrecisionSettings().solvers() == list(PEERS)
-    assert WorkPrecisionSettings(peers=("heyoka",)).solvers() == [n for n, p in PEERS.items() if p.module == "heyoka"]
+    assert WorkPrecisionSettings().solvers() == list(peers.PEERS)
+    assert WorkPrecisionSettings(peers=("heyoka",)).solvers() == [
+        n for n, p in peers.PEERS.items() if p.module == "heyoka"
+    ]
 
 
 def test_methods_in_numpy_end_where_the_matrix_power_ends():
     for name in ("aba864", "babps9o7h"):  # a drift first and a kick first
-        states, evaluations = numpy_splitting(integrators[name])(systems["sho"], 5.0, 0.25).path()
+        states, evaluations = peers.numpy_splitting(integrators[name])(systems["sho"], 5.0, 0.25).path()
         q, p = oscillator_state(integrators[name], mpf(5) / 20, 20)
         # 20 steps of up to 20 roundings of 1e-16 each.
         assert states[-1] == pytest.approx([float(q), float(p)], abs=400 * 1.2e-16)
@@ -85,7 +76,7 @@ def test_methods_in_numpy_end_where_the_matrix_power_ends():
 
 
 def test_what_is_timed_is_what_is_measured():
-    attempt = numpy_splitting(integrators["aba864"])(systems["henon_heiles"], 5.0, 0.25)
+    attempt = peers.numpy_splitting(integrators["aba864"])(systems["henon_heiles"], 5.0, 0.25)
     assert np.concatenate(attempt.run()).tolist() == attempt.path()[0][-1].tolist()
 
 
@@ -109,9 +100,9 @@ def test_the_written_velocity_is_hamiltons():
 
 def fake(path, settings=(1e-2, 1e-4, 1e-6), **more):
     """A peer of numpy, which is always there, whose path is ``path(setting)``."""
-    return Peer(
+    return peers.Peer(
         name="fake", label="Fake", module="numpy", settings=settings,
-        attempt=lambda system, t_end, setting: Attempt(run=lambda: None, path=lambda: path(setting)), **more,
+        attempt=lambda system, t_end, setting: peers.Attempt(run=lambda: None, path=lambda: path(setting)), **more,
     )  # fmt: skip
 
 
@@ -179,7 +170,7 @@ def test_lanes_are_timed_where_library_has_them_and_nowhere_else():
     def peer(lanes):
         return dataclasses.replace(
             fake(oscillator_path),
-            attempt=lambda *_: Attempt(run=lambda: "one", path=lambda: oscillator_path(1e-6), lanes=lanes),
+            attempt=lambda *_: peers.Attempt(run=lambda: "one", path=lambda: oscillator_path(1e-6), lanes=lanes),
         )
 
     for lanes, modes in ((None, {"trajectory"}), (lambda: "eight", {"trajectory", "lanes"})):
@@ -203,15 +194,17 @@ def test_a_run_gone_astray_for_long_is_not_timed(monkeypatch):
         # On the oscillator diffrax, which compiles for seconds, has a test below.
         pytest.param(system, name, marks=[pytest.mark.slow] * ((system, peer.module) == ("sho", "diffrax")))
         for system in ("sho", "kepler")
-        for name, peer in PEERS.items()
-        if is_installed(peer.module) and (systems[system].gravity or not peer.gravity_only) and not peer.regularised
+        for name, peer in peers.PEERS.items()
+        if peers.is_installed(peer.module)
+        and (systems[system].gravity or not peer.gravity_only)
+        and not peer.regularised
     ],
 )
 def test_installed_peers_converge_to_the_exact_position(system, name):
     t_end = {"sho": "5", "kepler": "2000"}[system]
     ranges = {"sho": (0.02, 0.3), "kepler": (2.0, 60.0)}[system]
     problem = Interval(systems[system], t_end, reference(systems[system], t_end))
-    errors = measured_peer(PEERS[name], problem, tau_grid(*ranges, 4), 5.0).columns["position_error"]
+    errors = measured_peer(peers.PEERS[name], problem, tau_grid(*ranges, 4), 5.0).columns["position_error"]
     # From the coarsest to the finest setting each gains three decades at least: 1e-3 to 1e-9 of a tolerance, and 30 in
     # step size to the fourth power, leave more.
     assert min(errors) < 1e-3 * min(1.0, errors[0]) or min(errors) < 1e-12
@@ -225,7 +218,7 @@ def test_a_modulus_reaches_a_library_that_has_none():
         q0=("-1",), p0=("0",), t_end="1", units=dict.fromkeys(("q", "p", "t", "energy"), "1"), source="made up",
     )  # fmt: skip
     with quiet():  # its imports warn
-        states, _ = PEERS["heyoka"].attempt(cubic, 1.0, 1e-15).path()
+        states, _ = peers.PEERS["heyoka"].attempt(cubic, 1.0, 1e-15).path()
     assert states[-1][0] > -0.7
     assert max(energy_errors(cubic, states)) < 4e-15
 
@@ -238,9 +231,9 @@ def test_rebound_uses_own_gravity_for_any_system_name():
     """A star and a planet with G the parameter GM; a force compiled by numba acts on a single particle."""
     heavy = Parameter(value="2.5", unit="1", meaning="gravitational constant times mass")
     planet = dataclasses.replace(systems["kepler"], name="planet", parameters={"GM": heavy})
-    made = rebound_simulation(planet, ctypes.c_double())
+    made = peers.rebound_simulation(planet, ctypes.c_double())
     assert (made.N, made.G, made.gravity) == (2, 2.5, "basic")
-    made = rebound_simulation(systems["sho"], ctypes.c_double())
+    made = peers.rebound_simulation(systems["sho"], ctypes.c_double())
     assert (made.N, made.gravity) == (1, "none")
 
 
@@ -253,7 +246,7 @@ def test_the_compiled_force_is_that_of_henon_and_heiles():
     simulation.add(m=1.0, x=x, y=y, z=0.7, vx=0.5, vy=0.6)
     simulation.particles[0].az = 0.9
     simulation.extras = ctypes.addressof(count)
-    force = compiled_force(systems["henon_heiles"]).ctypes
+    force = peers.compiled_force(systems["henon_heiles"]).ctypes
     force(ctypes.cast(ctypes.byref(simulation), *force.argtypes))
     body = simulation.particles[0]
     # V = (x^2 + y^2)/2 + x^2 y - y^3/3 by hand; a rounding or two of numbers below 1.
@@ -265,15 +258,15 @@ def test_the_compiled_force_is_that_of_henon_and_heiles():
 @pytest.mark.parametrize("name", ["henon_heiles", "kepler"])
 def test_rebounds_leapfrog_of_order_8_takes_17_forces_a_step(name):
     # A composition of 17 leapfrogs, each with one force.
-    states, evaluations = PEERS["rebound_leapfrog8"].attempt(systems[name], 5.0, 0.5).path()
-    assert (len(states), evaluations) == (11, 10 * PEERS["rebound_leapfrog8"].stages) == (11, 170)
+    states, evaluations = peers.PEERS["rebound_leapfrog8"].attempt(systems[name], 5.0, 0.5).path()
+    assert (len(states), evaluations) == (11, 10 * peers.PEERS["rebound_leapfrog8"].stages) == (11, 170)
 
 
 @needs_rebound
 @pytest.mark.parametrize("name", ["rebound_ias15", "rebound_leapfrog8"])
 @pytest.mark.parametrize("system", ["henon_heiles", "kepler"])
 def test_rebound_starts_anew_each_time_it_is_timed(name, system):
-    attempt = PEERS[name].attempt(systems[system], 5.0, {"rebound_ias15": 1e-6, "rebound_leapfrog8": 0.5}[name])
+    attempt = peers.PEERS[name].attempt(systems[system], 5.0, {"rebound_ias15": 1e-6, "rebound_leapfrog8": 0.5}[name])
     ends = []
     for _ in range(2):
         body = attempt.run()
@@ -286,7 +279,7 @@ def test_rebound_starts_anew_each_time_it_is_timed(name, system):
 @pytest.mark.parametrize("name", ["heyoka", "heyoka_fast_math"])
 def test_each_lane_of_heyoka_ends_where_the_oscillator_ends(name):
     with quiet():  # its imports warn
-        attempt = PEERS[name].attempt(systems["sho"], 5.0, 1e-15)
+        attempt = peers.PEERS[name].attempt(systems["sho"], 5.0, 1e-15)
     for _ in range(2):  # it starts anew each time
         states = attempt.lanes()
         assert states.shape == (2, attempt.members) == (2, 8)
@@ -294,7 +287,7 @@ def test_each_lane_of_heyoka_ends_where_the_oscillator_ends(name):
 
 
 def test_a_solver_written_for_gravity_is_refused_elsewhere():
-    solver = measured_peer(PEERS["heyoka_power"], Interval(systems["sho"], "5"), (0.1, 1.0), 1.0)
+    solver = measured_peer(peers.PEERS["heyoka_power"], Interval(systems["sho"], "5"), (0.1, 1.0), 1.0)
     if solver.status != "not installed":
         assert (solver.settings, solver.status) == (0, "does not fit: it requires V = -GM/|q|")
 
@@ -303,19 +296,21 @@ def test_a_solver_written_for_gravity_is_refused_elsewhere():
 def test_force_as_power_is_force_of_formula():
     """Steps are chosen alike; rounding grows with the square of the time, to less than 1e-12 in one orbit."""
     with quiet():  # its imports warn
-        one, other = (PEERS[name].attempt(systems["kepler"], 2000.0, 1e-15) for name in ("heyoka", "heyoka_power"))
+        one, other = (
+            peers.PEERS[name].attempt(systems["kepler"], 2000.0, 1e-15) for name in ("heyoka", "heyoka_power")
+        )
     assert one.run().tolist() == pytest.approx(other.run().tolist(), rel=1e-12)
 
 
-needs_gcc = pytest.mark.skipif(not is_installed("gcc"), reason="gcc is not installed")
+needs_gcc = pytest.mark.skipif(not peers.is_installed("gcc"), reason="gcc is not installed")
 
 
 @needs_gcc
 @pytest.mark.parametrize("system", ["sho", "henon_heiles"])
 def test_the_loop_in_c_makes_the_steps_of_the_method(system):
     """Plain numpy makes the same steps: numbers below 1, ten steps of nine stages, a rounding or two each."""
-    ours = numpy_splitting(integrators["babps9o7h"])(systems[system], 5.0, 0.5)
-    theirs = PEERS["c_babps9o7h"].attempt(systems[system], 5.0, 0.5)
+    ours = peers.numpy_splitting(integrators["babps9o7h"])(systems[system], 5.0, 0.5)
+    theirs = peers.PEERS["c_babps9o7h"].attempt(systems[system], 5.0, 0.5)
     expected, evaluations = ours.path()
     states, counted = theirs.path()
     assert counted == evaluations == 91
@@ -330,7 +325,7 @@ def test_powers_and_moduli_of_formulas_reach_the_loop_in_c():
         name="cubic", label="cubic", V=lambda q: abs(q[0]) ** 3 / 3 + 1 / (2 + q[0]) ** 2, q0=("-1",), p0=("0",),
         t_end="1", units=dict.fromkeys(("q", "p", "t", "energy"), "1"), source="made up",
     )  # fmt: skip
-    states, _ = PEERS["c_babps9o7h"].attempt(cubic, 1.0, 0.01).path()
+    states, _ = peers.PEERS["c_babps9o7h"].attempt(cubic, 1.0, 0.01).path()
     assert abs(states[-1][0] + 1) > 0.1
     assert max(energy_errors(cubic, states)) < 1e-9  # of order 4, where V'' jumps at 0 that is not reached
 
@@ -341,7 +336,7 @@ def test_diffrax_uses_double_precision_and_keeps_jax_setting():
 
     before = jax.config.jax_enable_x64
     with quiet():
-        attempt = PEERS["diffrax_dopri8"].attempt(systems["sho"], 5.0, 1e-13)
+        attempt = peers.PEERS["diffrax_dopri8"].attempt(systems["sho"], 5.0, 1e-13)
     state = attempt.run()
     assert state.dtype == np.float64
     assert state == pytest.approx([np.cos(5.0), -np.sin(5.0)], abs=1e-10)
@@ -350,7 +345,7 @@ def test_diffrax_uses_double_precision_and_keeps_jax_setting():
 
 
 def test_other_libraries_are_not_run_on_regularised_equations():
-    solver = measured_peer(PEERS["numpy_aba864"], Interval(systems["kepler_regularised"], "5"), (0.1, 1.0), 1.0)
+    solver = measured_peer(peers.PEERS["numpy_aba864"], Interval(systems["kepler_regularised"], "5"), (0.1, 1.0), 1.0)
     assert solver.settings == 0
     assert solver.status.startswith("not written for regularised equations")
 
@@ -364,8 +359,8 @@ def test_heyoka_on_regularised_equations_reaches_original_end(A):
     regularised = dataclasses.replace(regularised, parameters=parameters)
     original = dataclasses.replace(regularised, regularisation=None)
     with quiet():  # its imports warn
-        one = PEERS["heyoka"].attempt(original, 2000.0, 1e-15)
-        other = PEERS["heyoka_regularised"].attempt(regularised, 2000.0, 1e-15)
+        one = peers.PEERS["heyoka"].attempt(original, 2000.0, 1e-15)
+        other = peers.PEERS["heyoka_regularised"].attempt(regularised, 2000.0, 1e-15)
     expected, (states, _) = one.path()[0][-1], other.path()
     assert states[-1] == pytest.approx(expected, abs=1e-12 * 69.82)
     assert max(energy_errors(regularised, states)) < 1e-14
@@ -374,5 +369,5 @@ def test_heyoka_on_regularised_equations_reaches_original_end(A):
 
 @pytest.mark.skipif(not find_spec("heyoka"), reason="heyoka is not installed")
 def test_a_solver_of_regularised_equations_is_refused_elsewhere():
-    solver = measured_peer(PEERS["heyoka_regularised"], Interval(systems["kepler"], "5"), (0.1, 1.0), 1.0)
+    solver = measured_peer(peers.PEERS["heyoka_regularised"], Interval(systems["kepler"], "5"), (0.1, 1.0), 1.0)
     assert (solver.settings, solver.status) == (0, "does not fit: it requires a system with a regularisation")

@@ -19,25 +19,11 @@ from nearharmonic.integrators import integrators
 from nearharmonic.output import store
 from nearharmonic.recommendation.measure import Interval, Solver, variables
 from nearharmonic.systems import systems
-from nearharmonic_paper.experiments.work_precision import WorkPrecisionSettings
+from nearharmonic_paper.experiments.work_precision import WorkPrecisionSettings, figures, tables
 from nearharmonic_paper.experiments.work_precision import tables as comparisons
-from nearharmonic_paper.experiments.work_precision.figures import (
-    CURVES,
-    comparison_figures,
-    figure_of_file,
-    regularised_figures,
-    work_precision_figure,
-)
 from nearharmonic_paper.experiments.work_precision.peers import PEERS
 from nearharmonic_paper.experiments.work_precision.run import front_runners, intervals, solvers_on
-from nearharmonic_paper.experiments.work_precision.tables import (
-    HEADER,
-    comparison,
-    markdown,
-    pairs,
-    rows,
-    time_to_error,
-)
+from nearharmonic_paper.experiments.work_precision.tables import rows
 from support.cubes.artists import NO_LINE, SOLID, drawn, entries, line_of, look, looks
 from support.cubes.colour_vision import difference
 from support.cubes.figure_cubes import FACTS, curves, label, timed
@@ -142,7 +128,7 @@ def test_ranks_follow_time_and_unreached_methods_have_none(found):
 
 @pytest.fixture
 def page():
-    return markdown("toy", [("20", ("max",), COSTS)], FACTS).splitlines()
+    return tables.markdown("toy", [("20", ("max",), COSTS)], FACTS).splitlines()
 
 
 def test_page_has_times_and_evaluations_with_fastest_first(page):
@@ -177,7 +163,7 @@ def test_task_tells_of_one_system_what_file_has_on_it(tmp_path):
     }
     groups = {name: variables(SOLVERS if name == "far" else [SLOW], "h") for name in told}
     store.write(tmp_path / "times.h5", {}, {**FACTS, "problems": json.dumps(told)}, groups=groups)
-    made = time_to_error("kepler", str(tmp_path / "times.h5"))
+    made = tables.time_to_error("kepler", str(tmp_path / "times.h5"))
     lines = made["csv"].records()
     # Four targets for each measure and method: one method near, four far.
     assert [(line["t_end"], line["measure"]) for line in lines] == (
@@ -223,8 +209,8 @@ def cube(tmp_path):
 
 
 def rows_of(cube, names=("sho",)):
-    table = comparison(names, cube)["table"]
-    return [dict(zip(HEADER, row, strict=True)) for row in table.rows]
+    table = tables.comparison(names, cube)["table"]
+    return [dict(zip(tables.HEADER, row, strict=True)) for row in table.rows]
 
 
 @pytest.mark.slow
@@ -273,15 +259,15 @@ def test_regularised_system_is_compared_on_its_original_equations_too(cube, monk
              ("kepler_regularised", "heyoka_regularised")], start=1,
         )
     }  # fmt: skip
-    monkeypatch.setattr(comparisons, "read_parts", lambda _, name, __: ([("5", ("max",), measured[name])], {}))
-    found = {pair.system: pair for pair in pairs(cube, list(measured))[0]}
+    monkeypatch.setattr(comparisons.engine, "read_parts", lambda _, name, __: ([("5", ("max",), measured[name])], {}))
+    found = {pair.system: pair for pair in tables.pairs(cube, list(measured))[0]}
     assert [found[name].original for name in measured] == ["", "far", "", "", "kepler"]
     assert [found[name].standard(1e-9, "trajectory") for name in measured] == [10, 10, 30, 40, 40]
     assert [curve.solver for curve in found["far_regularised"].others] == ["heyoka", "heyoka_regularised"]
     assert found["far_regularised"].own_original == measured["far"][:1]
     # With another perturbation the energies differ, and so do the equations.
     known["kepler"] = defined("kepler", parameters={"GM": "1.8"})
-    assert pairs(cube, ["kepler", "kepler_regularised"])[0][1].original == ""
+    assert tables.pairs(cube, ["kepler", "kepler_regularised"])[0][1].original == ""
 
 
 @pytest.mark.slow
@@ -305,7 +291,7 @@ def test_regularised_figure_has_column_for_each_system_with_its_original(tmp_pat
         tmp_path / "times.h5", dict.fromkeys(names, ("max", "position")),
         kepler=solvers(), kepler_regularised=both, sho=solvers(),
     )  # fmt: skip
-    figure = regularised_figures(names, path)["figure"]
+    figure = figures.regularised_figures(names, path)["figure"]
     energy, position = figure.axes
     known = looks(figure.legends[0])
     assert list(known) == [
@@ -335,7 +321,7 @@ TIMES = """e,t_end,measure,curve,error,ms,ratio
 
 def test_times_of_a_file_are_panels_with_their_errors(tmp_path):
     (tmp_path / "times.csv").write_text(TIMES, encoding="utf-8")
-    figure = figure_of_file(str(tmp_path / "times.csv"))["figure"]
+    figure = figures.figure_of_file(str(tmp_path / "times.csv"))["figure"]
     known = looks(figure.legends[0])
     found = [
         {
@@ -347,10 +333,7 @@ def test_times_of_a_file_are_panels_with_their_errors(tmp_path):
         for axes in figure.axes
     ]
     assert found == [
-        {
-            "BAB's9o7H, regularised": {0.5: 1e-6, 0.7: 1e-12},
-            "heyoka, fast_math, original equations": {2: 1e-6},
-        },
+        {"BAB's9o7H, regularised": {0.5: 1e-6, 0.7: 1e-12}, "heyoka, fast_math, original equations": {2: 1e-6}},
         {"fastest method here, regularised": {3: 1e-6, 4: 1e-12}},
     ]
     titles = [axes.get_title(loc="left") for axes in figure.axes]
@@ -358,7 +341,7 @@ def test_times_of_a_file_are_panels_with_their_errors(tmp_path):
 
 
 def test_curves_of_regularised_problem_are_told_apart_by_all_readers():
-    found = [(*look(Line2D([], [], **drawn)), drawn.get("linewidth", 1) > 4) for _, drawn in CURVES.values()]
+    found = [(*look(Line2D([], [], **drawn)), drawn.get("linewidth", 1) > 4) for _, drawn in figures.CURVES.values()]
     for (colour, *form), (other, *like) in combinations(found, 2):
         assert difference(colour, other, "deuteranopia") >= 10 or form != like
 
@@ -372,11 +355,8 @@ def test_ensembles_are_timed_for_methods_among_fastest_at_some_error(monkeypatch
 
 @pytest.mark.slow
 def test_figures_show_winning_methods_and_every_library(cube):
-    found = comparison_figures(["sho", "kepler"], cube)
-    shown = {
-        "trajectory": ["ruth", "babs7o7h", "rebound_ias15", "heyoka"],
-        "lanes": ["babs7o7h", "ruth", "heyoka"],
-    }
+    found = figures.comparison_figures(["sho", "kepler"], cube)
+    shown = {"trajectory": ["ruth", "babs7o7h", "rebound_ias15", "heyoka"], "lanes": ["babs7o7h", "ruth", "heyoka"]}
     assert set(found) == set(shown)
     for mode, names in shown.items():
         assert len(found[mode].axes) == 2
@@ -410,7 +390,7 @@ def toys():
 
 @pytest.fixture(scope="module")
 def figure():
-    return work_precision_figure("toy", [("20", ("max", "mean"), toys()), ("5", ("position",), toys())], FACTS)
+    return figures.work_precision_figure("toy", [("20", ("max", "mean"), toys()), ("5", ("position",), toys())], FACTS)
 
 
 #: Row of panels -> its time, its y label, and its error over that of the points.
@@ -440,7 +420,7 @@ def test_rows_show_errors_over_milliseconds_and_columns_their_methods(figure):
 
 def test_no_two_peers_look_alike():
     peers = curves(*(timed(name, [1e-3], [1e-3], kind="peer") for name in PEERS))
-    found = looks(work_precision_figure("toy", [("20", ("max",), peers)], FACTS).legends[2])
+    found = looks(figures.work_precision_figure("toy", [("20", ("max",), peers)], FACTS).legends[2])
     assert list(found) == [label(name) for name in PEERS]
     for one, other in combinations(found.values(), 2):
         assert one[0] != other[0]
@@ -466,7 +446,7 @@ def test_pale_line_is_best_paper_method_and_dotted_one_lanes(figure):
 def test_error_that_finer_steps_contradict_is_not_best():
     seconds = [1e-5, 2e-5, 4e-5, 8e-5, 16e-5]
     lucky = curves(timed("ruth", [1e-9, 1e-2, 1e-4, 1e-6, 1e-9], seconds))
-    panel = work_precision_figure("toy", [("20", ("max",), lucky)], FACTS).axes[0]
+    panel = figures.work_precision_figure("toy", [("20", ("max",), lucky)], FACTS).axes[0]
     envelope = line_of(panel, [1e3 * time for time in seconds], [1e-2, 1e-2, 1e-4, 1e-6, 1e-9])
     assert look(envelope)[1] is None
 
@@ -475,7 +455,7 @@ def test_failed_untimed_and_meaningless_points_are_skipped():
     measured = [20.0, inf, 1e-1, nan, 1e-3, 1e-5, 1e-18]
     solver = timed("leapfrog", measured, [1e-6 * 2**i for i in range(7)])
     del solver.times["trajectory", 4]
-    panel = work_precision_figure("toy", [("20", ("max",), curves(solver))], FACTS).axes[1]
+    panel = figures.work_precision_figure("toy", [("20", ("max",), curves(solver))], FACTS).axes[1]
     (line,) = panel.get_lines()
     np.testing.assert_allclose(line.get_xdata(), [4e-3, 32e-3], rtol=1e-12)
     assert list(line.get_ydata()) == [1e-1, 1e-5]
@@ -488,7 +468,7 @@ def test_a_curve_without_points_bears_the_mark_of_its_reason():
         Solver(method="rebound_ias15", label="IAS15", kind="peer", status="not installed"),
         timed("scipy_dop853", [1e-3], [1e-3], kind="peer"),
     )
-    figure = work_precision_figure("toy", [("20", ("max",), absent)], FACTS)
+    figure = figures.work_precision_figure("toy", [("20", ("max",), absent)], FACTS)
     assert [list(entries(legend)) for legend in figure.legends if legend.get_texts()] == [
         ["Ruth ‡", "‡ no run: see the table", BEST, LANES],
         ["heyoka ‡", "IAS15 †", label("scipy_dop853"), "† not installed", "‡ no run: see the table"],
