@@ -185,12 +185,11 @@ FIGURES = {
         target="fig2",
         caption=(
             "Position error terms of one step for the simple harmonic oscillator (Nielsen 2015, Eq. 17, "
-            "dimensionless). A: kappa of order lambda, up to the highest order that a method's stages reach, for the "
-            "ABA composition (outer row drifts q; circles around the method's marker) and the BAB composition (outer "
-            "row kicks p; lines) of the same coefficients; circles and lines of one method meet at even orders. The "
-            "inset has the methods with a term above 1000. B: the orders whose term vanishes, below 1e-30 in "
-            "multiprecision, as circle (ABA) and bar (BAB). The harmonic order of the position is the last order "
-            "before the first gap."
+            "dimensionless). A: kappa by order lambda, up to the highest order that a method's stages reach. Circles "
+            "around the markers: ABA composition (outer row drifts q). Lines: BAB composition of the same coefficients "
+            "(outer row kicks p). Both meet at even orders. The inset has the methods with a term above 1000. B: "
+            "orders whose term vanishes (below 1e-30 in multiprecision), as circle (ABA) and bar (BAB). The harmonic "
+            "order of the position is the last order before the first gap."
         ),
     ),
     "fig3_henon_heiles": Figure(
@@ -212,14 +211,14 @@ FIGURES = {
         cube="kepler",
         target="fig4",
         caption=(
-            "Spurious advance of Mercury's perihelion: absolute rate of rotation of the Laplace-Runge-Lenz vector, by "
-            "linear regression over the orbits of ten years, in radians per orbit (left) and arcseconds per century "
-            "(right), against force evaluations per orbit. A dot is a run, every few of them carry the method's "
-            "marker; bars show the 95 % interval of the fit where it exceeds the dot. Crosses are runs whose interval "
+            "Spurious advance of Mercury's perihelion against force evaluations per orbit, in radians per orbit (left) "
+            "and arcseconds per century (right). It is the absolute rate of rotation of the Laplace-Runge-Lenz vector, "
+            "by linear regression over the orbits of ten years. A dot is a run, and every few dots carry the method's "
+            "marker. Bars show the 95 % interval of the fit where it exceeds the dot. A cross is a run whose interval "
             "includes zero. The dashed line is the advance that general relativity explains, 42.98 arcseconds per "
-            "century: a run above it errs by more than that. Grey at the top, above 0.1 rad per orbit: the path is "
-            "far from an ellipse, and curves no longer follow the order of their method. Grey at the bottom, below "
-            "1e-15 rad per orbit: rounding errors of doubles dominate."
+            "century. Grey at the top, above 0.1 rad per orbit: the path is far from an ellipse, and curves no longer "
+            "follow the order of their method. Grey at the bottom, below 1e-15 rad per orbit: rounding errors of "
+            "doubles dominate."
         ),
     ),
     "fig5_kepler": Figure(

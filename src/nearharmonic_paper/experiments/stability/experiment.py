@@ -79,7 +79,7 @@ ENSEMBLES = ("henon_heiles", "kepler", "rounding")
 def intervals(config: Any) -> dict[str, str]:
     """Return the end of the interval of each autonomous system, from the config or else from the system.
 
-    A regularised system is integrated in another phase space than that of its states, and left out.
+    Regularised systems are left out, since their phase space is not the one of their states.
     """
     own = {n: one.t_end for n, one in systems.items() if not one.time_dependent and one.regularisation is None}
     return own | {sweep.system: sweep.t_end for sweep in config.sweeps if sweep.system in own}

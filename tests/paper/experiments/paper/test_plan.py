@@ -134,7 +134,7 @@ def test_step_sizes_with_equal_steps_share_shard():
         assert list(run.steps) == sorted(run.steps, reverse=True)
         for steps in run.steps:
             assert seen.setdefault(steps, index) == index
-    repeated = [row for row in omitted(*config(short)) if "neighbour" in row.reason and row.integrator == "ruth"]
+    repeated = [row for row in omitted(*config(short)) if "neighbour" in row.what and row.integrator == "ruth"]
     assert sum(row.runs for row in repeated) == 161 - len(seen)
 
 
