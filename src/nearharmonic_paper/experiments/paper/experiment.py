@@ -174,8 +174,8 @@ FIGURES = {
             "[0, 500], against step size per stage tau/s. Each point is a whole run. Solid lines with markers: double "
             "precision, compensated summation. H is evaluated in double-double, from the state and its compensation, "
             "so these runs resolve errors below 1e-16. Dashed: extended precision, with states in double-double too. "
-            "Filled markers: methods of Nielsen (2015), which have slope 6 here and order 4 in general. A curve ends "
-            "where the method becomes unstable."
+            "Filled markers: methods of Nielsen (2015), which have slope 6 here and order 4 in general. The strip "
+            "above a panel marks runs that diverged or are off the scale."
         ),
     ),
     "fig2_decomposition": Figure(
@@ -202,7 +202,7 @@ FIGURES = {
             "in [0, 500], against step size per stage tau/s. Each point is a whole run in double precision with "
             "compensated summation. H is evaluated in double-double, which resolves errors below 1e-16. At large "
             "steps, methods of higher harmonic order (filled markers) fall faster than order 4, as the system is close "
-            "to an oscillator. A curve ends where runs leave their energy surface."
+            "to an oscillator. The strip above a panel marks runs that diverged or are off the scale."
         ),
     ),
     "fig4_perihelion": Figure(
@@ -230,8 +230,8 @@ FIGURES = {
             "Maximum (A) and mean (B) relative energy error of the planar Sun-Mercury system over every step in ten "
             "years (87 660 h), against step size per stage tau/s in hours. Each point is a whole run in double "
             "precision with compensated summation. H is evaluated in double-double, which resolves errors below 1e-16. "
-            "The error is largest at perihelion passages, so the two panels rank the methods differently. A curve ends "
-            "where runs leave their energy surface."
+            "The error is largest at perihelion passages, so the two panels rank the methods differently. The strip "
+            "above a panel marks runs that diverged or are off the scale."
         ),
     ),
     "fig6_substeps": Figure(
@@ -271,8 +271,9 @@ FIGURES = {
         **_PROFILE,
         caption=(
             "Maximum (A) and mean (B) relative energy error over every step of a run, against step size per stage "
-            "tau/s. Each point is a whole run. Dashed lines, if any, are in extended precision. A curve ends where "
-            "runs leave their energy surface. Filled markers are the methods of Nielsen (2015) and those found here."
+            "tau/s. Each point is a whole run. Dashed lines, if any, are in extended precision. Filled markers are the "
+            "methods of Nielsen (2015) and those found here. The strip above a panel marks runs that diverged or are "
+            "off the scale."
         ),
     ),
 }
