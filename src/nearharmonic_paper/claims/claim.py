@@ -373,12 +373,11 @@ def deciders(entries: Iterable[Entry]) -> list[tuple[str, str]]:
 
 def verdicts_line(document: str | Path, command: str) -> str:
     """Return a line on the verdicts in ``tables/claims.json``, and the command that decides the open statements."""
-    entries = json.loads(Path(document).read_text(encoding="utf-8"))
+    entries = of_the_paper(json.loads(Path(document).read_text(encoding="utf-8")))
     missing = deciders(entries)
     targets = {target: time for target, time in missing if target != "all"}
-    if not targets:
-        return f"{tally(entries)}."
-    share, times = "all" if len(targets) == len(missing) else "most", ", ".join(targets.values())
+    said = f"of {len(entries)} statements of the paper, {in_words(Counter(entry['verdict'] for entry in entries))}"
+    which, times = "them" if len(targets) == len(missing) else "most of them", ", ".join(targets.values())
     # Behind --configfile Snakemake would take the targets for further files.
     command = command.replace("-j2", f"-j2 {' '.join(targets)}", 1)
-    return f"{tally(entries)}; {command} decides {share} of those left open ({times})."
+    return f"{said}; {command} decides {which} ({times})" if targets else said
