@@ -100,7 +100,7 @@ def mean_log_error(runs: xr.Dataset) -> xr.DataArray:
 def gains(runs: xr.Dataset, resamples: int = RESAMPLES) -> xr.Dataset:
     """Best method of each kind, and the gain of the trained one with its interval, at each step size.
 
-    A gain is the mean logarithm of the error of the best published method minus that of the best trained one. Each
+    A gain is the mean of log10 (error of the best published method / error of the best trained method). Each
     resample has its own best methods. Without a method of a kind its best is "" and the gain is NaN.
     """
     errors, seed = runs.log_error.reset_coords(drop=True).assign_coords(kind=runs.kind), runs.attrs["seed"]

@@ -30,9 +30,9 @@ from nearharmonic_studies.trained.settings import PURPOSES, Purpose, SearchSetti
 
 SOURCE = "trained by nearharmonic_studies.trained"
 CAPTION = (
-    "{title}: the families searched for {what}, tau/s {low:.3g} to {high:.3g}, {problems}. Objective: worst over the "
-    "window of the mean log10 of the largest energy error against the best published method, and half of its mean; "
-    "gains in decades on other problems and intervals twice as long, the least in the window and the mean."
+    "{title}: families searched for {what}, tau/s {low:.3g} to {high:.3g}, {problems}. The objective is the mean log10 "
+    "of the largest energy error relative to the best published method: its maximum over the window plus half of its "
+    "mean. Gains are in decades, on other problems and intervals twice as long, smallest in the window and mean."
 )
 #: Number of methods of each family that are compared on the validation set.
 SHORT_LIST = 3
