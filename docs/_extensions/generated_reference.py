@@ -8,18 +8,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from decimal import ROUND_DOWN, Context, Decimal
+from decimal import Context, Decimal
 from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from mpmath import isinf
-
 import nearharmonic
 from nearharmonic.cli import PROGRAM, command_names, help_text
 from nearharmonic.engine.trajectory import Problem
-from nearharmonic.exact.polynomials import BigFloat
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.collocation import Collocation, gauss
 from nearharmonic.integrators.tableau import Composition, Tableau
@@ -28,6 +25,7 @@ from nearharmonic.systems import systems
 from nearharmonic.systems.system import System
 from nearharmonic.theory.order import harmonic_order, nystrom_order_of, order_of
 from nearharmonic.theory.oscillator import stability_limit
+from nearharmonic_paper.pages.library import rounded_down
 
 ROOT = Path(__file__).parents[2]
 #: Folder of the generated pages, relative to that of the configuration; git ignores it.
@@ -42,9 +40,6 @@ COMPOSITION = {"drift": "ABA", "kick": "BAB"}
 SYSTEM, TAU_PER_STAGE = "henon_heiles", 0.1
 #: Most samples of a trajectory by default; the energy of a processed method is measured there.
 SAMPLES = 1000
-#: Columns of the index, which the page explains.
-HEADS = ("method", "label", "scheme", "s", "order", "λ_H", "τ", "τ/s")
-
 #: Pages are reached from the index, not from the navigation: 80 entries beside every page double the time of a build.
 PAGE = """---
 orphan: true
@@ -52,7 +47,7 @@ orphan: true
 
 # {label}
 
-One of the [registered integrators](../../integrators.md). Source: {source}.
+One of the [registered methods](../../methods.md). Source: {source}.
 
 {facts}
 
@@ -97,9 +92,8 @@ DIGITS = 40
 
 
 def pages() -> dict[str, str]:
-    """Return the page of each registered method, and the part of the index, by their paths."""
-    found = {f"integrators/{name}.md": page_of(integrators[name]) for name in integrators.registered}
-    return {**found, "parts/integrators.md": index()}
+    """Return the page of each registered method by its path."""
+    return {f"integrators/{name}.md": page_of(integrators[name]) for name in integrators.registered}
 
 
 def page_of(one: Tableau | Collocation) -> str:
@@ -133,32 +127,6 @@ def _coefficients(one: Tableau | Collocation) -> str:
     )
 
 
-def index() -> str:
-    """Return the table of all methods."""
-    rows = []
-    for name in integrators.registered:
-        one, limit = integrators[name], stability_limit(name)
-        link = f"[`{name}`](generated/integrators/{name}.md)"
-        limits = shown(limit), shown(limit / one.stages)
-        scheme = "implicit" if one.implicit else COMPOSITION[one.first]
-        rows.append([link, one.label, scheme, one.stages, _orders(one), harmonic_order(one), *limits])
-    return "\n".join(pipes(HEADS, rows, align="lllr")) + "\n"
-
-
-def _orders(one: Tableau) -> str:
-    """Return the order; if a quadratic T is needed, that for quadratic T, with that for any other T in brackets."""
-    if one.requires is None:
-        return str(order_of(one))
-    return f"{nystrom_order_of(one)} ({'none' if one.modified else order_of(one)})"
-
-
-def shown(limit: BigFloat) -> str:
-    """Return a limit of the step size with five significant digits, rounded down: the step is then stable."""
-    if isinf(limit):
-        return "∞"
-    return str(Context(prec=5, rounding=ROUND_DOWN).create_decimal(f"{float(limit):.15f}"))
-
-
 def _facts_of_method(one: Tableau | Collocation) -> Iterable[tuple[str, str]]:
     limit = stability_limit(one)
     yield "name", f"`{one.name}`"
@@ -178,7 +146,10 @@ def _facts_of_method(one: Tableau | Collocation) -> Iterable[tuple[str, str]]:
     yield "harmonic order", str(harmonic_order(one))
     if one.generalised_order:
         yield "generalised order, as the source claims it", str(one.generalised_order)
-    yield "linear stability limit", f"τ = {shown(limit)} for H = (p² + q²)/2, τ/s = {shown(limit / one.stages)}"
+    yield (
+        "linear stability limit",
+        f"τ = {rounded_down(limit)} for H = (p² + q²)/2, τ/s = {rounded_down(limit / one.stages)}",
+    )
     yield "symmetric", "yes" if one.symmetric else "no: a step of -τ does not reverse a step of τ"
     yield "needs", _needs(one)
     yield "digits", f"{one.digits} decimals that {'are computed' if one.implicit else 'the source guarantees'}"
@@ -390,6 +361,13 @@ def write(app: Any) -> None:
     write_all(Path(app.confdir) / FOLDER, {**pages(), **parts})
 
 
+def link_methods(app: Any, docname: str, source: list[str]) -> None:
+    """Link each name in the first column of a table of methods to the page of the method."""
+    if docname == "reference/methods":
+        names = "|".join(integrators.registered)
+        source[0] = re.sub(rf"^\| `({names})` \|", r"| [`\1`](generated/integrators/\1.md) |", source[0], flags=re.M)
+
+
 def hide_source_links(app: Any, pagename: str, templatename: str, context: dict[str, Any], doctree: Any) -> None:
     """Remove the link to the source of a generated page, which the repository does not have."""
     if pagename.startswith(FOLDER):
@@ -399,5 +377,6 @@ def hide_source_links(app: Any, pagename: str, templatename: str, context: dict[
 def setup(app: Any) -> dict[str, bool]:
     """Connect the extension to Sphinx."""
     app.connect("builder-inited", write)
+    app.connect("source-read", link_methods)
     app.connect("html-page-context", hide_source_links)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,8 +1,9 @@
-"""Directives that show what became of the paper: statements with verdicts, its tables, and Figure 6 in motion."""
+"""Directives for results on the paper: statements with verdicts, its tables, and interactive figures."""
 
 from __future__ import annotations
 
 import json
+import re
 from collections import Counter
 from functools import cache
 from pathlib import Path
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
 
 CLAIMS = Path(__file__).parents[1] / "claims.json"
 ALIVE = "figure_6_alive.html"
+#: Results whose interactive figures are shown, if they have been made.
+RESULTS = Path(__file__).parents[2] / "results/paper"
 #: Cube of each figure of the paper; a statement that names no figure stands with the figure of its cube.
 CUBES = {1: "sho", 2: "sho_terms", 3: "henon_heiles", 4: None, 5: "kepler", 6: "substeps"}
 #: Colours of the verdicts, as sphinx-design names them.
@@ -107,16 +110,43 @@ class Figure6Alive(SphinxDirective):
         return [nodes.raw("", frame, format="html")]
 
 
-def write_alive(app: Sphinx, failure: Exception | None) -> None:
-    """Write the page of Figure 6 in motion into the finished site."""
+class LiveFigure(SphinxDirective):
+    """An interactive figure of ``results/paper`` in a frame; it replaces the picture that follows it.
+
+    Without results, or if an output has no scripts, the picture alone is shown.
+    """
+
+    required_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        """Return the frame, and hide the picture."""
+        file = RESULTS / f"figure-{self.arguments[0]}.html"
+        self.env.note_dependency(str(file))
+        if not file.is_file():
+            return []
+        path = "../" * self.env.docname.count("/") + file.name
+        frame = (
+            f'<iframe class="live" src="{path}" title="Figure {self.arguments[0]}, interactive" loading="lazy" '
+            'sandbox="allow-scripts"></iframe><style>.live ~ p:has(> img:only-child) { display: none; }</style>'
+        )
+        return [nodes.raw("", frame, format="html")]
+
+
+def write_frames(app: Sphinx, failure: Exception | None) -> None:
+    """Write the pages of frames into the finished site: Figure 6 in motion, and the interactive figures."""
     if failure is None and app.builder.format == "html":
         (app.outdir / ALIVE).write_text(figure_6_alive(), encoding="utf-8")
+        for file in RESULTS.glob("figure-[1-6].html"):
+            # The footer leads to the page of results, which the site does not have.
+            text = re.sub("<footer>.*?</footer>", "", file.read_text(encoding="utf-8"), flags=re.DOTALL)
+            (app.outdir / file.name).write_text(text, encoding="utf-8")
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Register the directives ``statements``, ``paper-table`` and ``figure-6-alive``."""
+    """Register the directives ``statements``, ``paper-table``, ``live-figure`` and ``figure-6-alive``."""
     app.add_directive("statements", Statements)
     app.add_directive("paper-table", PaperTable)
     app.add_directive("figure-6-alive", Figure6Alive)
-    app.connect("build-finished", write_alive)
+    app.add_directive("live-figure", LiveFigure)
+    app.connect("build-finished", write_frames)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -126,6 +126,11 @@ def test_links_lead_somewhere(page):
             )
 
 
+def test_no_link_is_named_after_a_file():
+    named = [(page.name, link) for page in PAGES for link in re.findall(r"\[([\w/]+\.md)\]\(", page.read_text("utf-8"))]
+    assert named == []
+
+
 def test_every_page_is_reached_from_readme():
     reached, todo = set(), [ROOT / "README.md", ROOT / "docs/index.md"]
     assert (ROOT / "docs/index.md", "") in links(ROOT / "README.md")

@@ -22,7 +22,7 @@ _PAGES = {
         "nearharmonic_paper.pages.library:gallery",
         _EVERY,
         {"files": sorted(map(str, Path("examples").glob("*.py")))},
-        {"figure": "gallery.png"},
+        {path.stem: f"gallery/{path.stem}.png" for path in sorted(Path("examples").glob("*.py"))},
     ),
     "reference/methods": ("nearharmonic_paper.pages.library:methods", _EVERY, {}, {}),
     "how_to/files": (

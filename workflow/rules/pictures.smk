@@ -1,12 +1,12 @@
-"""Pictures below docs/ of figures of the results, in few colours; those of another config are in its folder of results."""
+"""Pictures below docs/ of figures of the results, in 256 colours; another config writes them to its folder of results."""
 
 DOCS = "docs" if CONFIG.name == "paper" else f"{RESULTS}/docs"
-#: Figures that pages show as pictures of few colours, with the number of colours: the paper's six, the gain, and others.
-_PAPERS = {one.stem: 20 for one in FIGURES if one.target in [f"fig{number}" for number in range(1, 7)]}
+#: Figures that pages show as pictures: the paper's six, the gain, and others.
+_NUMBERED = [f"fig{number}" for number in range(1, 7)]
+_PAPERS = [one.stem for one in FIGURES if one.stem == "gain" or one.target in _NUMBERED]
 _ALL_OF = ("crystals", "exact_oscillator", "samplers", "trained")
-_OTHERS = (*(stem for one in _ALL_OF for stem in EXPERIMENTS[one].figures), "henon_heiles_stability")
-_GAIN = [one.stem for one in FIGURES if one.stem == "gain"]
-_SHOWN = _PAPERS | dict.fromkeys((*_GAIN, *_OTHERS, "regularised_times"), 128)
+_OTHERS = [stem for one in _ALL_OF for stem in EXPERIMENTS[one].figures]
+_SHOWN = [*_PAPERS, *_OTHERS, "henon_heiles_stability", "regularised_times"]
 #: The figure of the times on a page, which another computer would measure anew.
 _OF_FILE = f"{RESULTS}/logs/pages/regularised_times.png"
 
@@ -24,7 +24,7 @@ rule figure_of_regularised:
         "../scripts/task.py"
 
 
-for _stem, _colours in _SHOWN.items():
+for _stem in _SHOWN:
 
     rule:
         name:
@@ -36,9 +36,7 @@ for _stem, _colours in _SHOWN.items():
         log:
             LOG(f"pages/{_stem}"),
         params:
-            task=lambda wildcards, colours=_colours: task(
-                "nearharmonic_paper.report.shown:few_colours", colours=colours
-            ),
+            task=lambda wildcards: task("nearharmonic_paper.report.shown:few_colours"),
         script:
             "../scripts/task.py"
 

@@ -23,11 +23,9 @@ from nearharmonic.output.table import pipes
 from nearharmonic_paper.claims.claim import (
     FINDING,
     OPEN,
-    VERDICTS,
     Entry,
     in_words,
     of_the_paper,
-    sums,
     tally,
 )
 from nearharmonic_paper.claims.judging import MEANINGS
@@ -106,12 +104,11 @@ def failures_in_words(entries: Sequence[Entry]) -> str:
 def page(entries: Sequence[Entry]) -> str:
     """Return the page of all statements, in Markdown; no line is longer than a screen."""
     by_id = {entry["id"]: entry for entry in entries}
-    shown = [verdict for verdict in VERDICTS if any(entry["verdict"] == verdict for entry in of_the_paper(entries))]
-    rows = [[kind, count, *(found[verdict] or "" for verdict in shown)] for kind, count, found in sums(entries)]
     lines = [INTRODUCTION, *_wrapped(f"{tally(entries)}. {failures_in_words(entries)}")]
-    lines += pipes(["kind", "statements", *(VERDICTS[verdict] for verdict in shown)], rows, align="lr")
-    lines += ["", "## The statements that carry the paper", ""]
+    lines += ["## The main statements", ""]
     lines += [line for name in CARRYING for line in _in_short(by_id[name])]
+    lines += ["## Errata", ""]
+    lines += [line for entry in entries if entry["kind"] == "misprint" for line in _in_short(entry)]
     lines += ["## What general words and the verdicts mean", ""]
     lines += [line for meaning in MEANINGS for line in _item(f"{meaning.words}.")]
     lines += ["", "## All statements", ""]

@@ -10,9 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from nearharmonic.integrators import integrators as registered
-from nearharmonic.output.table import Cell, filled_page, from_csv, pipes, power_of_ten, short
-
-__all__ = ["digits", "fills", "label", "power", "rows_of", "short", "shown", "signed", "table", "tables_of"]
+from nearharmonic.output.table import Cell, filled_page, from_csv, pipes, power_of_ten
 
 #: A row of a table of the results, by column.
 Row = dict[str, Any]

@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
+from decimal import ROUND_DOWN, Context
 from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -14,16 +15,19 @@ from textwrap import dedent
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from mpmath import isinf
 
 from nearharmonic.engine.trajectory import sweep
 from nearharmonic.errors import NearharmonicError
+from nearharmonic.exact.polynomials import BigFloat
 from nearharmonic.integrators import implicit_integrators, modified_integrators, plain_integrators
 from nearharmonic.integrators import integrators as registered
 from nearharmonic.output.store import groups_of, read
-from nearharmonic.output.table import from_csv, pipes
+from nearharmonic.output.table import Cell, from_csv, pipes
 from nearharmonic.plotting.style import house_style, log_scale, method_handles, new_figure, style_of
 from nearharmonic.systems import systems as known
 from nearharmonic.theory.order import harmonic_order, order_of
+from nearharmonic.theory.oscillator import stability_limit
 from nearharmonic_paper.pages.filling import fills, table
 
 if TYPE_CHECKING:
@@ -42,27 +46,30 @@ PLAIN = ("ruth", "srkn_b6", "srkn_b11", "srkn_a14", "nystrom_6a8", "babps8o7h")
 
 @fills
 def methods() -> dict[str, str]:
-    """Proved orders of all methods, and errors of those with a modified potential."""
-    first = ("name", "label", "composition", "stages")
-    found = {}
-    for kind, names, heads in (
-        ("methods", plain_integrators, ("order", "order for quadratic T", "harmonic order")),
-        ("modified", modified_integrators, ("gradients", "order", "harmonic order")),
-        ("implicit", implicit_integrators, ("order", "harmonic order")),
-    ):
-        rows = []
-        for one in map(registered.__getitem__, names.registered):
-            order = order_of(one)
-            proved = {
-                "order": order, "order for quadratic T": one.order if one.requires else order,
-                "gradients": getattr(one, "gradients", ""), "harmonic order": harmonic_order(one),
-            }  # fmt: skip
-            composition = "implicit" if one.implicit else {"drift": "ABA", "kick": "BAB"}[one.first]
-            rows.append((f"`{one.name}`", one.label, composition, one.stages, *(proved[head] for head in heads)))
-        found[kind] = table((*first, *heads), rows, left=3)
+    """Proved orders and stability limits of all methods, and errors of those with a modified potential."""
+    kinds = {"methods": plain_integrators, "modified": modified_integrators, "implicit": implicit_integrators}
+    header = ("name", "label", "scheme", "s", "order", "λ_H", "τ", "τ/s")
+    found = {
+        kind: table((*header, *["gradients"] * (kind == "modified")), map(proved, names.registered), left=3)
+        for kind, names in kinds.items()
+    }
     compared = (*modified_integrators.registered, *PLAIN)
-    header = ("name", *(head.format(tau) for taus, head, _ in COMPARED.values() for tau in taus))
-    return found | {"errors": table(header, ((f"`{name}`", *decades(name)) for name in compared))}
+    columns = ("name", *(head.format(tau) for taus, head, _ in COMPARED.values() for tau in taus))
+    return found | {"errors": table(columns, ((f"`{name}`", *decades(name)) for name in compared))}
+
+
+def proved(name: str) -> tuple[Cell, ...]:
+    """The row of a method; an order for quadratic T stands before the order for every other T."""
+    one, limit = registered[name], stability_limit(name)
+    scheme = "implicit" if one.implicit else {"drift": "ABA", "kick": "BAB"}[one.first]
+    order = f"{one.order} ({'none' if one.modified else order_of(one)})" if one.requires else str(order_of(one))
+    row = (f"`{name}`", one.label, scheme, one.stages, order, harmonic_order(one))
+    return (*row, rounded_down(limit), rounded_down(limit / one.stages), *([one.gradients] if one.modified else []))
+
+
+def rounded_down(limit: BigFloat) -> str:
+    """A limit of the step size with five significant digits, rounded down: the step is then stable."""
+    return "∞" if isinf(limit) else str(Context(prec=5, rounding=ROUND_DOWN).create_decimal(f"{float(limit):.15f}"))
 
 
 def decades(name: str) -> Iterator[str]:
@@ -155,51 +162,47 @@ def errors_drawn(names: Sequence[str], rows: Sequence[Sequence[str]]) -> Figure:
 # --- docs/start/gallery.md --------------------------------------------------------------------------------------------
 
 
-#: Small pictures of the gallery side by side, and their width in pixels.
-COLUMNS, WIDTH = 4, 330
+#: Width in pixels of a picture of the gallery, and cards in a row.
+WIDTH, CARDS = 420, 3
 
 
 @fills
 def gallery(files: Sequence[str]) -> dict[str, Any]:
-    """Each example with its title and, folded, the lines that make its picture; and all pictures, side by side."""
+    """Cards, a section for each example with its code, and pictures by the names of the examples."""
     places = sorted(map(Path, files))
-    return {"gallery": "\n\n".join(map(entry, places)), "figure": pictures_drawn(places)}
+    titles = {place.stem: (ast.get_docstring(ast.parse(place.read_text("utf-8"))) or place.stem) for place in places}
+    cards = [
+        f"[![{name}](gallery/{name}.png)](#{name}) **{name}**: {title.splitlines()[0].replace('|', chr(92) + '|')}"
+        for name, title in titles.items()
+    ]
+    cards += [""] * (-len(cards) % CARDS)
+    rows = [cards[i : i + CARDS] for i in range(0, len(cards), CARDS)]
+    entries = (f"## {place.stem}\n\n{titles[place.stem].splitlines()[0]}\n\n{entry(place)}" for place in places)
+    texts = {"cards": table([""] * CARDS, rows, left=CARDS), "code": "\n\n".join(entries)}
+    return texts | {place.stem: picture_drawn(place) for place in places}
 
 
 def entry(place: Path) -> str:
-    """The title of an example, and the lines of its function ``main``, of which the last one writes the picture."""
+    """The lines of the function ``main`` of an example, of which the last one writes the picture."""
     text = place.read_text(encoding="utf-8")
-    module = ast.parse(text)
-    (main,) = (node for node in module.body if isinstance(node, ast.FunctionDef) and node.name == "main")
+    (main,) = (node for node in ast.parse(text).body if isinstance(node, ast.FunctionDef) and node.name == "main")
     lines = dedent("\n".join(text.splitlines()[main.body[0].lineno - 1 : main.end_lineno]))
     written = r'print\("wrote", save\((.+), \["(\w+\.png)"\]\)\[0\]\.resolve\(\)\)'
     code = re.sub(written, r'\1.savefig("\2")', lines).strip()
-    title = (ast.get_docstring(module) or place.stem).splitlines()[0]
     return (
-        f'<details id="{place.stem}"><summary><b>{place.stem}</b>: {title}</summary>\n\n```python\n{code}\n```\n\n'
-        f"[{place.name}](../../examples/{place.name})\n\n</details>"
+        f"<details><summary>the lines that draw it</summary>\n\n```python\n{code}\n```\n\n</details>\n\n"
+        f"[{place.name}](../../examples/{place.name})"
     )
 
 
-@house_style
-def pictures_drawn(places: Sequence[Path]) -> Figure:
-    """Run the examples, and return their pictures side by side, each with its name."""
+def picture_drawn(place: Path) -> bytes:
+    """Run an example, and return its picture as a small PNG file."""
     from PIL import Image
 
-    rows = -(-len(places) // COLUMNS)
-    figure = new_figure(7, 1.85 * rows)
-    figure.subplots_adjust(left=0.01, right=0.99, bottom=0.01, top=0.985, wspace=0.05, hspace=0.13)
-    cells = figure.subplots(rows, COLUMNS).ravel()
-    for cell in cells:
-        cell.set_axis_off()
-    for cell, place in zip(cells, places, strict=False):
-        with TemporaryDirectory() as folder:
-            subprocess.run([sys.executable, str(place.resolve())], cwd=folder, check=True, stdout=subprocess.DEVNULL)
-            (made,) = Path(folder).glob("*.png")
-            picture = made.read_bytes()
-        with Image.open(BytesIO(picture)) as whole:
+    with TemporaryDirectory() as folder, BytesIO() as small:
+        subprocess.run([sys.executable, str(place.resolve())], cwd=folder, check=True, stdout=subprocess.DEVNULL)
+        (made,) = Path(folder).glob("*.png")
+        with Image.open(made) as whole:
             size = (WIDTH, round(WIDTH * whole.height / whole.width))
-            small = whole.convert("RGB").resize(size, Image.Resampling.LANCZOS)
-        cell.imshow(np.asarray(small), interpolation="none")
-        cell.set_title(place.stem, fontsize=7.5, pad=2)
-    return figure
+            whole.convert("RGB").resize(size, Image.Resampling.LANCZOS).save(small, "PNG", optimize=True)
+        return small.getvalue()

@@ -13,7 +13,7 @@ import numpy as np
 from nearharmonic.integrators import BENCHMARKED
 from nearharmonic.integrators import integrators as registered
 from nearharmonic.output.store import read
-from nearharmonic.output.table import Table
+from nearharmonic.output.table import Table, short
 from nearharmonic.recommendation.measure import TARGETS, crossing, of_kind
 from nearharmonic.systems import systems as known
 from nearharmonic_paper.experiments.exact_oscillator.reductions import BEST, crossing_table
@@ -27,7 +27,6 @@ from nearharmonic_paper.pages.filling import (
     fills,
     label,
     power,
-    short,
     shown,
     signed,
     table,

@@ -72,8 +72,7 @@ def pages_alone(figures: Iterable[Figure]) -> dict[str, str]:
 
 # --- Static pictures of pages.
 #
-# The page of results has reduced SVG files and small pictures as data URIs for img elements; pages below docs have PNG
-# files of few colours.
+# Reduced SVG files and small pictures as data URIs for the page of results; PNG files of 256 colours for pages of docs.
 
 #: Redundant parts of the SVG files of matplotlib, and their replacements. Coordinates keep a hundredth of a point.
 _SHORTER: tuple[tuple[re.Pattern[str], str | Callable[[re.Match[str]], str]], ...] = (
@@ -99,8 +98,8 @@ _SIZE = re.compile(r'<svg [^>]*?width="([\d.]+)pt" height="([\d.]+)pt"')
 #: Width of a small picture in pixels, for screens of two pixels per unit, and its quality of 100. Before it is resized,
 #: it is reduced to twice this width or more, and compressed with half the effort: both halve the time.
 _WIDTH, _QUALITY, _REDUCED, _EFFORT = 320, 70, 2.0, 2
-#: Largest width in pixels of a PNG file of a page below docs.
-WIDEST = 1100
+#: Largest width in pixels of a PNG file of a page below docs, and the number of its colours that are the figure's own.
+WIDEST, KEPT = 1100, 48
 #: Characters that end a data URI or an attribute in single quotes, or have a special meaning there.
 _ESCAPED = {"%": "%25", "#": "%23", "&": "%26", "'": "%27"}
 
@@ -133,29 +132,30 @@ def thumbnail(png: Path) -> str:
     return f"data:image/webp;base64,{b64encode(held.getvalue()).decode()}"
 
 
-def few_colours(figure: str, colours: int) -> dict[str, bytes]:
-    """Return the PNG file ``figure`` in few colours, at most :data:`WIDEST` pixels wide, as ``picture``.
-
-    20 colours are enough for lines; pale areas and shades need more.
-    """
+def few_colours(figure: str) -> dict[str, bytes]:
+    """Return the PNG file ``figure`` in 256 colours as ``picture``; the :data:`KEPT` most frequent ones are exact."""
+    import numpy as np
     from PIL import Image
 
-    with Image.open(figure) as whole, BytesIO() as file:
-        shown = whole.convert("RGB")
-        if shown.width > WIDEST:
-            shown = shown.resize((WIDEST, round(WIDEST * shown.height / shown.width)), Image.Resampling.LANCZOS)
-        few = shown.quantize(colours, Image.Quantize.MAXCOVERAGE, kmeans=3, dither=Image.Dither.NONE)
-        few.save(file, "PNG", optimize=True)
-        return {"picture": file.getvalue()}
+    with Image.open(figure) as file, BytesIO() as written:
+        whole, shown = file.convert("RGB"), file.convert("RGB")
+        shown.thumbnail((WIDEST, whole.height), Image.Resampling.LANCZOS, reducing_gap=None)
+        few = shown.quantize(256 - KEPT, Image.Quantize.MAXCOVERAGE, kmeans=3, dither=Image.Dither.NONE)
+        palette, pixels = few.getpalette() or [], np.asarray(shown)
+        for _, colour in sorted(whole.getcolors(whole.width * whole.height) or ())[-KEPT:]:
+            few.paste(len(palette) // 3, mask=Image.fromarray((pixels == colour).all(axis=2)))
+            palette += np.array(colour).tolist()
+        few.putpalette(palette)
+        few.save(written, "PNG", optimize=True)
+        return {"picture": written.getvalue()}
 
 
 # --- Formats of numbers and verdicts on the page.
 
 #: Pattern of a Python float; a number with more digits is an exact decimal.
 _FLOAT = re.compile(r"-?\d+(\.\d+)?(e[+-]?\d+)?")
-_MOST_DIGITS_OF_A_FLOAT = 17
-#: Displayed digits of a float.
-_SHOWN = 4
+#: Most digits of a float, and its displayed digits.
+_MOST_DIGITS_OF_A_FLOAT, _SHOWN = 17, 4
 
 
 def cell(text: str) -> str:

@@ -20,10 +20,10 @@ from nearharmonic.integrators import integrators
 from nearharmonic.math import log
 from nearharmonic.numerics.portable import Floats
 from nearharmonic.output.store import coordinate, described, read
-from nearharmonic.output.table import Table
+from nearharmonic.output.table import Table, short
 from nearharmonic.plotting.profile import text_on
 from nearharmonic.plotting.style import house_style, log_scale, method_handles, new_figure, panel_letter, style_of
-from nearharmonic_paper.pages.filling import fills, label, short, shown, signed, table
+from nearharmonic_paper.pages.filling import fills, label, shown, signed, table
 from nearharmonic_paper.tasks.reduction import Reductions
 from nearharmonic_studies.crystals.settings import TRAINED_ON_CRYSTALS, CrystalsSettings
 from nearharmonic_studies.crystals.solids import BOLTZMANN

@@ -7,12 +7,15 @@ from functools import partial
 from html import unescape
 from runpy import run_path
 
+import matplotlib as mpl
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, ImageColor
 
 import nearharmonic as nh
+from nearharmonic.integrators import BENCHMARKED
 from nearharmonic.output.table import filled, short
+from nearharmonic.plotting.style import style_of
 from nearharmonic.recommendation.measure import Solver, curves_of, dataset_of
 from nearharmonic_paper.pages import library, targets
 from nearharmonic_paper.pages.filling import rows_of
@@ -153,7 +156,7 @@ def test_tables_of_files_beside_pages_stand_in_the_pages():
 
 
 def test_gallery_has_the_lines_of_each_example(monkeypatch):
-    monkeypatch.setattr(library, "pictures_drawn", len)
+    monkeypatch.setattr(library, "picture_drawn", lambda place: b"")
     assert library.gallery(str(PAGES["gallery"]), files=EXAMPLES)["page"] == text_of("gallery")
 
 
@@ -261,19 +264,36 @@ def test_gains_on_examples_are_ratios_of_the_smallest_errors():
     assert module.gains_drawn(results).axes[0].lines[0].get_ydata() == pytest.approx([1])
 
 
+def lab(colour):
+    """CIE L*a*b* of a colour as eight bits of sRGB, for the white of D65."""
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in (part / 255 for part in colour)]
+    x, y, z = (
+        t ** (1 / 3) if t > 216 / 24389 else t * 841 / 108 + 4 / 29
+        for t in SRGB_TO_XYZ @ linear / SRGB_TO_XYZ.sum(axis=1)
+    )
+    return np.array([116 * y - 16, 500 * (x - y), 200 * (y - z)])
+
+
+SRGB_TO_XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(("size", "expected"), [((2200, 500), (1100, 250)), ((99, 50), (99, 50))])
-def test_picture_of_page_is_narrow_with_few_colours_on_white(tmp_path, size, expected):
-    place = tmp_path / "figure.png"
-    figure = Image.new("RGB", size, "white")
-    figure.paste(Image.effect_noise((size[0], size[1] - 30), 90).convert("RGB"))
-    figure.save(place)
-    place.write_bytes(few_colours(str(place), 20)["picture"])
+@pytest.mark.parametrize(("width", "expected"), [(1300, 1100), (300, 300)])
+def test_picture_of_page_keeps_colours_of_methods_and_shades(tmp_path, width, expected):
+    """CIE Delta E of each method and of ten shades of a scale, beside noise of many colours, is at most 5."""
+    place, height = tmp_path / "figure.png", width // 2
+    shades = [tuple(round(255 * part) for part in mpl.colormaps["cividis"](i / 9)[:3]) for i in range(10)]
+    colours = [ImageColor.getrgb(style_of(name).colour) for name in BENCHMARKED] + shades
+    noise = 8 * np.random.default_rng(1).integers(0, 32, (height, width, 3), np.uint8)
+    drawn = Image.fromarray(noise)
+    for i, colour in enumerate(colours):
+        drawn.paste(colour, (i * width // 20, height // 2, (i + 1) * width // 20, height))
+    drawn.save(place)
+    place.write_bytes(few_colours(str(place))["picture"])
     with Image.open(place) as picture:
-        assert (picture.format, picture.size) == ("PNG", expected)
-        assert len(picture.getcolors()) <= 20
-        low = picture.convert("RGB").crop((0, expected[1] - 10, *expected))
-        assert [colour for _, colour in low.getcolors()] == [(255, 255, 255)]
+        assert (picture.format, picture.size) == ("PNG", (expected, expected // 2))
+        row = [picture.convert("RGB").getpixel(((2 * i + 1) * expected // 40, expected * 3 // 8)) for i in range(20)]
+    assert max(np.linalg.norm(lab(one) - lab(other)) for one, other in zip(colours, row, strict=True)) < 5
 
 
 def test_gains_in_libraries_are_ratios_with_paired_intervals(monkeypatch):

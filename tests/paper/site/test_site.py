@@ -114,8 +114,8 @@ def browser(site):
             executable_path=program, args=["--headless", "--no-sandbox", "--disable-gpu"]
         )
 
-        def opened(name):
-            page = running.new_page(viewport={"width": 1200, "height": 900})
+        def opened(name, width=1200, **settings):
+            page = running.new_page(viewport={"width": width, "height": 900}, **settings)
             page.heard = []
             page.on("request", lambda one: page.heard.append(one.url))
             page.on("pageerror", lambda one: page.heard.append(f"error: {one}"))
@@ -136,3 +136,19 @@ def test_figure_6_moves_on_the_site(browser):
     frame = browser("results/figure_6.html").frame_locator("iframe")
     frame.locator("button[name=step]").click()
     assert frame.locator("output").inner_text().endswith("after 1 iterations")
+
+
+@pytest.mark.parametrize("width", [390, 1280, 1313, 1366, 1439, 1440])
+def test_each_page_and_its_contents_fit_the_window(browser, width):
+    page = browser("start/choosing.html", width)
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    drawer = page.locator("aside.toc-drawer").bounding_box()
+    hidden = page.evaluate("getComputedStyle(document.querySelector('aside.toc-drawer')).position") == "fixed"
+    assert hidden == (width < 1313)
+    assert hidden or drawer["x"] + drawer["width"] <= width
+
+
+def test_pictures_stand_on_white_in_dark_mode(browser):
+    page = browser("start/gallery.html", color_scheme="dark")
+    colours = "[...document.querySelectorAll('article img')].map(one => getComputedStyle(one).backgroundColor)"
+    assert {*page.evaluate(colours)} == {"rgb(255, 255, 255)"}

@@ -97,6 +97,11 @@ def test_every_package_that_is_imported_is_declared():
     assert {name: place for name, place in found.items() if name not in declared} == {}
 
 
+def test_the_page_install_names_every_extra():
+    named = re.findall(r"`\[([a-z-]+)\]`", (ROOT / "docs/start/install.md").read_text(encoding="utf-8"))
+    assert {*named} == EXTRAS.keys()
+
+
 @pytest.mark.parametrize("extra", ["workflow", "cluster", "docs", "test"])
 def test_extras_of_figures_and_tailor_are_part_of_larger_ones(extra):
     assert names_of([*of_extra("figures"), *of_extra("tailor")]) <= names_of(of_extra(extra))
