@@ -101,7 +101,7 @@ def closing_lines():
         from nearharmonic.output.store import workflow_command
 
         document = f"{RESULTS}/{CLAIMS}"
-        yield f"Verdicts: {verdicts_line(document, workflow_command(document))}"
+        yield verdicts_line(document, workflow_command(document)).replace("Of", "Verdicts: of", 1)
     if OMISSIONS in told["made"]:
         table = f"{RESULTS}/{OMISSIONS}"
         yield f"{summary_line(table)}: {table}"

@@ -344,8 +344,7 @@ def sums(entries: Sequence[Entry]) -> list[tuple[str, int, dict[str, int]]]:
 def tally(entries: Sequence[Entry]) -> str:
     """Return the number of statements of the paper and of those with each verdict, in words."""
     counted = of_the_paper(entries)
-    told = in_words(Counter(entry["verdict"] for entry in counted))
-    return f"Of the {len(counted)} statements of the paper that are checked {told}"
+    return f"Of {len(counted)} statements of the paper, {in_words(Counter(entry['verdict'] for entry in counted))}"
 
 
 def in_words(found: Mapping[str, int]) -> str:
@@ -373,10 +372,9 @@ def deciders(entries: Iterable[Entry]) -> list[tuple[str, str]]:
 
 def verdicts_line(document: str | Path, command: str) -> str:
     """Return a line on the verdicts in ``tables/claims.json``, and the command that decides the open statements."""
-    entries = of_the_paper(json.loads(Path(document).read_text(encoding="utf-8")))
-    missing = deciders(entries)
+    entries = json.loads(Path(document).read_text(encoding="utf-8"))
+    said, missing = tally(entries), deciders(entries)
     targets = {target: time for target, time in missing if target != "all"}
-    said = f"of {len(entries)} statements of the paper, {in_words(Counter(entry['verdict'] for entry in entries))}"
     which, times = "them" if len(targets) == len(missing) else "most of them", ", ".join(targets.values())
     # Behind --configfile Snakemake would take the targets for further files.
     command = command.replace("-j2", f"-j2 {' '.join(targets)}", 1)

@@ -277,7 +277,7 @@ SUMMED = [
 
 def test_findings_are_not_counted():
     told = "2 hold, 1 holds but for edges, 2 fail, 1 erratum"
-    assert tally(SUMMED) == f"Of the 6 statements of the paper that are checked {told}"
+    assert tally(SUMMED) == f"Of 6 statements of the paper, {told}"
 
 
 def test_sums_are_by_kind_in_the_order_of_their_weight():
@@ -305,7 +305,7 @@ def test_run_names_command_that_decides_what_it_leaves_open(tmp_path, missing, e
     document = tmp_path / "claims.json"
     document.write_text(json.dumps(entries), encoding="utf-8")
     line = verdicts_line(document, "snakemake -j2")
-    assert line.startswith(f"of {len(entries)} statements")
+    assert line.startswith(f"Of {len(entries)} statements")
     assert line.endswith(end)
     other = verdicts_line(document, "snakemake -j2 --configfile a.yaml")
     assert other == re.sub("(snakemake -j2.*?)( decides)", r"\1 --configfile a.yaml\2", line)
