@@ -1,7 +1,5 @@
 """Results of every target: all of them recorded and verified, and taken over elsewhere."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from zipfile import ZipFile

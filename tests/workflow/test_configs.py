@@ -1,7 +1,5 @@
 """The shipped configs: their plans and their sizes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

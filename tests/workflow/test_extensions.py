@@ -1,7 +1,5 @@
 """Additions of a user take one place: a system, an observable, a figure, an experiment, the workflow as a module."""
 
-from __future__ import annotations
-
 import json
 import shutil
 

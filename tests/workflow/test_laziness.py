@@ -1,7 +1,5 @@
 """Only files for the requested target are computed: planned files, and files of a run."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

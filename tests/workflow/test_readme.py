@@ -1,7 +1,5 @@
 """README and the pages under docs: Python blocks run as printed, links lead somewhere, CI runs the commands."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from pathlib import Path

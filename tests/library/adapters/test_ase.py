@@ -1,7 +1,5 @@
 """Integrators in ASE: trajectories, constraints, files, and the trial of methods."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

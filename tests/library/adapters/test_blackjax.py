@@ -1,7 +1,5 @@
 """Methods in BlackJAX: its own integrators as oracles, gradients counted, and what is refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Methods in diffrax: states, forces, output between steps, derivatives, restarts, and what is refused."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Methods in JAX MD: states, forces, masses, restarts, derivatives, and what is refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

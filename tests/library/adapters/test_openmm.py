@@ -1,7 +1,5 @@
 """Integrators in OpenMM: forces per step, trajectories, heat bath and constraints."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

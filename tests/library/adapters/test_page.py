@@ -1,7 +1,5 @@
 """docs/how_to/adapters.md: its Python runs, and its errors are measured again."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

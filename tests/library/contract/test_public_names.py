@@ -1,7 +1,5 @@
 """Public names: docstrings with examples and references, and how a notebook shows entries and registries."""
 
-from __future__ import annotations
-
 import doctest
 import inspect
 import re

@@ -1,7 +1,5 @@
 """Formulas: expressions, constants, and random formulas in every number type."""
 
-from __future__ import annotations
-
 from decimal import Decimal, localcontext
 from fractions import Fraction
 from itertools import combinations, pairwise

@@ -1,7 +1,5 @@
 """Kernels: steps against oracles, loops of many coordinates, and products of a step size."""
 
-from __future__ import annotations
-
 import random
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields

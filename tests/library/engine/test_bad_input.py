@@ -3,8 +3,6 @@
 Numbers and arrays of every kind have the same exact values in all public functions, or are refused.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from decimal import Decimal

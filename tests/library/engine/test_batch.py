@@ -1,7 +1,5 @@
 """Settings of the arithmetic, and the exact coefficients and starts that runs share."""
 
-from __future__ import annotations
-
 import random
 from concurrent.futures import ThreadPoolExecutor
 from fractions import Fraction

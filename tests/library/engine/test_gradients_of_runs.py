@@ -1,7 +1,5 @@
 """Gradients of observables at the end of runs, against differences in extended precision, closed forms and mpmath."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """Results have the same bits on other processors: without vectors of 256 bits and FMA, and with AVX-512 of any kind."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

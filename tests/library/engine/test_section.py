@@ -1,7 +1,5 @@
 """``nh.section``: crossings to rounding, by closed forms and by runs that end at them."""
 
-from __future__ import annotations
-
 import warnings
 from fractions import Fraction
 

@@ -1,7 +1,5 @@
 """Roots, zeros and formats of numbers against closed forms and exact fractions."""
 
-from __future__ import annotations
-
 from decimal import ROUND_HALF_EVEN, Decimal, localcontext
 from fractions import Fraction
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """Steps from their rows, and what they do to the harmonic oscillator, against products of matrices."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Exported programs: their texts, read back without a compiler, and their states where a compiler or library is."""
 
-from __future__ import annotations
-
 import json
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """Coefficients from other sources: proofs of published claims, bounds of residuals, and errors that are found."""
 
-from __future__ import annotations
-
 import random
 from dataclasses import replace
 from decimal import Context

@@ -1,7 +1,5 @@
 """Numbers: equal bits on every processor, fits, numbers written as text, and times."""
 
-from __future__ import annotations
-
 import os
 import time
 from decimal import Decimal

@@ -1,7 +1,5 @@
 """Files: whole at every moment, and what is no regular file is one error at once."""
 
-from __future__ import annotations
-
 import os
 import platform
 import signal

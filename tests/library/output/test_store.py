@@ -1,7 +1,5 @@
 """Result files and datasets: the same bytes twice, named dimensions, plain words about broken files."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

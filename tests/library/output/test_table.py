@@ -1,7 +1,5 @@
 """Tables in their forms, answers of commands, and generated parts of pages."""
 
-from __future__ import annotations
-
 import json
 import shlex
 import sys

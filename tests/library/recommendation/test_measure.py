@@ -1,7 +1,5 @@
 """The measuring engine: errors and calls of curves, where they cross a target, and searches for the fewest steps."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from math import ceil, inf, nan
 

@@ -1,7 +1,5 @@
 """Recommended methods: their runs made again, what may be chosen, other libraries, questions that are refused."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math

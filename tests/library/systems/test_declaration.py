@@ -1,7 +1,5 @@
 """Short forms of declarations of a system, and their meanings."""
 
-from __future__ import annotations
-
 import copy
 import math
 import operator

@@ -1,7 +1,5 @@
 """The comparison of gradients with energies at first use: what it finds, and that it rejects no correct system."""
 
-from __future__ import annotations
-
 import pickle
 import re
 from concurrent.futures import ThreadPoolExecutor

@@ -1,7 +1,5 @@
 """Families of methods: equations, projection, modified kicks, and digits that are proved in exact arithmetic."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from itertools import combinations
 from math import factorial

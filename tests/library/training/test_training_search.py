@@ -1,7 +1,5 @@
 """Searches: where they begin, what descents end at, and that one seed gives one result."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Judging of statements: ranges of step sizes, slopes, margins, and statements on trained methods."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import xarray as xr

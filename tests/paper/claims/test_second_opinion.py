@@ -1,7 +1,5 @@
 """Committed verdicts against those of a second program, and numbers of them computed again in another way."""
 
-from __future__ import annotations
-
 import ast
 import json
 import sys

@@ -1,7 +1,5 @@
 """Random hostile files for each reader: an answer or one sentence, no traceback, no code is run, nothing hangs."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,7 +1,5 @@
 """``nearharmonic show``: the requested run, its files, and Python code that reproduces its numbers."""
 
-from __future__ import annotations
-
 import json
 import re
 import shlex

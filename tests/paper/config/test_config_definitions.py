@@ -1,7 +1,5 @@
 """Systems and integrators from files in a config or a path: their definitions, and refusals."""
 
-from __future__ import annotations
-
 import copy
 import json
 import os

@@ -1,7 +1,5 @@
 """The archive of a result: what it holds, its descriptions, its reproducibility, and reasons for refusal."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

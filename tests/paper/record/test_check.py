@@ -1,7 +1,5 @@
 """Damaged archives: every changed bit is found, no check hangs, and each fault is a sentence."""
 
-from __future__ import annotations
-
 import io
 import json
 import os

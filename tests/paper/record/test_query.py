@@ -1,7 +1,5 @@
 """Single runs: conditions, and runs integrated again."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Verification: every flipped bit, every missing and extra file, other code and other coefficients."""
 
-from __future__ import annotations
-
 import json
 import random
 

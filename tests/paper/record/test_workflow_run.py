@@ -1,7 +1,5 @@
 """The record of a run: its fingerprint; failures are warnings, and damaged files are set aside."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """Samplers: targets, exact Gaussians, chains, effective samples and gains, against closed forms and other programs."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import mpmath

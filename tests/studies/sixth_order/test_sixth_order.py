@@ -1,7 +1,5 @@
 """The search for order six: equations and criterion against other modules, known methods found again, tables."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import factorial
 

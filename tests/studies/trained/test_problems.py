@@ -1,7 +1,5 @@
 """Problems of training and of the comparison: potentials, starts, units, and the distributions of draws."""
 
-from __future__ import annotations
-
 from math import cos, erf, exp, pi, sin, sqrt
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The comparison, the ideas and the long runs: known gains and intervals, errors against plain loops, tables."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from decimal import Decimal
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """Small cubes made by hand for the figures of the stress tests, as those of ``figure_cubes``."""
 
-from __future__ import annotations
-
 import numpy as np
 import xarray as xr
 

@@ -1,7 +1,5 @@
 """Systems that users might have written: a spring, one that is driven, and chains of any number of sites."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

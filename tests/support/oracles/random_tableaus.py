@@ -1,7 +1,5 @@
 """Random palindromes whose rows sum to 1: any identity of the algebra has to hold for these, orders aside."""
 
-from __future__ import annotations
-
 from decimal import Decimal
 
 from hypothesis import strategies as st

@@ -1,7 +1,5 @@
 """Methods from the literature: printed decimals, and published statements on the methods."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from fractions import Fraction
 from itertools import chain

@@ -1,7 +1,5 @@
 """Tableaus: validation on construction, single rounding of each coefficient, and digests."""
 
-from __future__ import annotations
-
 from dataclasses import FrozenInstanceError, replace
 from decimal import Decimal, localcontext
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """Contract of every registered tableau: orders measured and proved, and ten methods of every kind."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from decimal import Decimal, localcontext
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """Stability gaps against closed forms, values known elsewhere, and a scan of the trace of the step matrix."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import pytest

@@ -1,7 +1,5 @@
 """Orders and error norms of methods against closed forms and other people's methods."""
 
-from __future__ import annotations
-
 import random
 from decimal import Decimal, localcontext
 from fractions import Fraction

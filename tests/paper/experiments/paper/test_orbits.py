@@ -1,7 +1,5 @@
 """Lyapunov exponents, substeps, and panel D of Figure 6 beside its plane."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

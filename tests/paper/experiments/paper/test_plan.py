@@ -1,7 +1,5 @@
 """The plan: grids, shards, steps, precision, reasons for omissions, and runs of an earlier config."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """Run files, their reductions, and the cubes of them."""
 
-from __future__ import annotations
-
 import json
 import math
 

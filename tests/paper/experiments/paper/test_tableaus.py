@@ -1,7 +1,5 @@
 """The paper's tables, the table of all methods, and methods with modified potentials."""
 
-from __future__ import annotations
-
 from math import inf, sqrt
 
 import matplotlib.pyplot as plt

@@ -1,7 +1,5 @@
 """Figures of the stress tests, read back from their artists and from the colours of the picture."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from matplotlib import colormaps

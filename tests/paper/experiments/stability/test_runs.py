@@ -1,7 +1,5 @@
 """Runs of the stress tests against single runs, multiprecision, other units, and data with known answers."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from fractions import Fraction
 from math import atan2, hypot, log, pi, sqrt

@@ -1,7 +1,5 @@
 """Cubes and tables of the stress tests: cells against closed forms, and rows from cubes made by hand."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from math import acosh, inf
 

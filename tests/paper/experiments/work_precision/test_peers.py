@@ -1,7 +1,5 @@
 """Other libraries on equal systems: their equations and timed calls, and what is said of those that are missing."""
 
-from __future__ import annotations
-
 import ctypes
 import dataclasses
 import sys

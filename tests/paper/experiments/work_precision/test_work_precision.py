@@ -1,7 +1,5 @@
 """Run time against error: what is measured, tables of costs, comparisons with other libraries, and their figures."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 from fractions import Fraction
