@@ -76,13 +76,10 @@ def test_errors_are_measured_from_the_series_of_sine_and_cosine():
 @pytest.mark.parametrize(
     ("first", "kicks", "drifts", "squares", "expected"),
     [
-        ("kick", "ab", "x", (), "Ba Ax Bb"),
-        ("drift", "a", "xy", (), "Ax Ba Ay"),
-        ("kick", "ab", "xy", (), "Ba Ax Bb Ay"),
-        ("drift", "ab", "xy", (), "Ax Ba Ay Bb"),
-        ("kick", "ab", "x", ("m", None), "Ba Cm Ax Bb"),
-        ("drift", "ab", "xyz", (None, "n"), "Ax Ba Ay Bb Cn Az"),
+        ("kick", "ab", "x", (), "Ba Ax Bb"), ("drift", "a", "xy", (), "Ax Ba Ay"),
+        ("kick", "ab", "xy", (), "Ba Ax Bb Ay"), ("drift", "ab", "xy", (), "Ax Ba Ay Bb"),
+        ("kick", "ab", "x", ("m", None), "Ba Cm Ax Bb"), ("drift", "ab", "xyz", (None, "n"), "Ax Ba Ay Bb Cn Az"),
     ],
-)
+)  # fmt: skip
 def test_kicks_and_drifts_take_turns_and_squares_follow_kicks(first, kicks, drifts, squares, expected):
     assert composed(first, kicks, drifts, squares) == tuple((text[0], text[1]) for text in expected.split())

@@ -34,11 +34,9 @@ def arrays(tableau, to, text):
     """The rows of kicks and of drifts as a program has them."""
     name = identifier(tableau)
     names = {
-        "fortran": ("c_kick", "c_drift"),
-        "sundials": ("ahat", "a"),
-        "rebound": ("KICK", "DRIFT"),
+        "fortran": ("c_kick", "c_drift"), "sundials": ("ahat", "a"), "rebound": ("KICK", "DRIFT"),
         "diffrax": ("KICK", "DRIFT"),
-    }.get(to, (f"{name}_kick", f"{name}_drift"))
+    }.get(to, (f"{name}_kick", f"{name}_drift"))  # fmt: skip
     return tuple(array(text, one) for one in names)
 
 

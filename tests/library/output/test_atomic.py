@@ -132,11 +132,9 @@ def test_temporary_files_of_ended_processes_are_removed(tmp_path):
 
 
 NO_FILES = {
-    "pipe": os.mkfifo,
-    "folder": os.mkdir,
-    "endless device": lambda place: place.symlink_to("/dev/zero"),
+    "pipe": os.mkfifo, "folder": os.mkdir, "endless device": lambda place: place.symlink_to("/dev/zero"),
     "link to itself": lambda place: place.symlink_to(place),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("kind", NO_FILES)

@@ -449,12 +449,9 @@ VARIABLES = {
 #: Of dimensions without a coordinate.
 COUNTS = {"x": variable("x", np.arange(3), "number of the x"), "y": variable("y", np.arange(2), "number of the y")}
 COORDINATES = [
-    coordinate("x", np.array([0.3, 0.1, 0.2]), "step size", "h"),
-    coordinate("x", np.array([3, 1, 2]), "count"),
-    coordinate("x", ["b", "a", "c"], "name"),
-    {"t": variable("x", np.array([0.0, 1.0, 2.0]), "time", "h")},
-    {},
-]
+    coordinate("x", np.array([0.3, 0.1, 0.2]), "step size", "h"), coordinate("x", np.array([3, 1, 2]), "count"),
+    coordinate("x", ["b", "a", "c"], "name"), {"t": variable("x", np.array([0.0, 1.0, 2.0]), "time", "h")}, {},
+]  # fmt: skip
 
 
 def check_identical(found, expected):

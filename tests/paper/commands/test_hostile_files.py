@@ -36,12 +36,9 @@ LIMIT = 60
 
 EVIL = "from pathlib import Path\n\nPath('ran').touch()\n"
 RECORD = (
-    "verify paper",
-    "history paper --full",
-    "show paper kepler ruth 50",
-    "compare paper copy",
+    "verify paper", "history paper --full", "show paper kepler ruth 50", "compare paper copy",
     "archive paper -o a.zip",
-)
+)  # fmt: skip
 
 
 @contextmanager

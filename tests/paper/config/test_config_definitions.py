@@ -316,13 +316,9 @@ def test_file_without_valid_system_is_refused_before_any_job(folder, content, sa
 @pytest.mark.parametrize("key", ["file", "system", "label", "q0", "p0", "energy", "parameters", "split"])
 def test_registered_system_is_unchanged_under_its_own_name(key):
     value = {
-        "q0": ["1", "0"],
-        "p0": ["0", "1"],
-        "parameters": {"GM": "1"},
-        "energy": "0.1",
-        "file": "quartic_well.py",
+        "q0": ["1", "0"], "p0": ["0", "1"], "parameters": {"GM": "1"}, "energy": "0.1", "file": "quartic_well.py",
         "split": "exact_oscillator",
-    }.get(key, "kepler")
+    }.get(key, "kepler")  # fmt: skip
     source = {"file": "file: quartic_well.py", "system": "system: kepler"}.get(key, f"system: kepler, {key}: ...")
     remedy = f"taken as it is: write it under another name, as own_kepler: {{{source}, tau_per_stage: ...}}"
     with refused(f"systems.kepler.{key} = {value!r} is not allowed: kepler is a registered system, {remedy}"):

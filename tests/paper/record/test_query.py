@@ -36,19 +36,11 @@ def by_python(text, rows):
 @pytest.mark.parametrize(
     "text",
     [
-        "1 < steps <= 300 < 1e6",
-        "status in ['ok', 'skipped']",
-        "status not in ('ok',)",
-        "steps in {5, 60.0}",
-        "steps / 7 == 300 / 7",
-        "error == inf",
-        "steps * steps * steps * steps * steps * steps > 1e20",
-        "  steps\n > 4  ",
-        "1 < 2",
-        "not 1 < 2",
-        "+steps > 4",
+        "1 < steps <= 300 < 1e6", "status in ['ok', 'skipped']", "status not in ('ok',)", "steps in {5, 60.0}",
+        "steps / 7 == 300 / 7", "error == inf", "steps * steps * steps * steps * steps * steps > 1e20",
+        "  steps\n > 4  ", "1 < 2", "not 1 < 2", "+steps > 4",
     ],
-)
+)  # fmt: skip
 def test_a_condition_is_pythons_own(text):
     assert rows_where(text, COLUMNS).tolist() == by_python(" ".join(text.split()), ROWS)
 

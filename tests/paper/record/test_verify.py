@@ -12,12 +12,9 @@ from nearharmonic_paper.tasks.provenance import Receipt, task
 
 TASK = task("nearharmonic_paper.experiments.paper.run:integrate", system="sho", integrator="ruth")
 FILES = {
-    "runs/sho/ruth/0.h5": b"trajectory",
-    "cubes/sho.h5": b"numbers",
-    "tables/t.csv": b"a,b\n1,2\n",
-    "figures/f.png": b"\x89PNG",
-    "report.html": b"<html></html>",
-}
+    "runs/sho/ruth/0.h5": b"trajectory", "cubes/sho.h5": b"numbers", "tables/t.csv": b"a,b\n1,2\n",
+    "figures/f.png": b"\x89PNG", "report.html": b"<html></html>",
+}  # fmt: skip
 
 
 @pytest.fixture

@@ -48,9 +48,6 @@ def crystals(methods):
 
 
 EXAMPLES = {
-    "crystals_error": (crystals, ()),
-    "crystals_map": (crystals, ()),
-    "crystals_phonons": (crystals, ()),
-    "crystals_gain": (crystals, ()),
-    "crystals_long_runs": (crystals, ()),
-}
+    "crystals_error": (crystals, ()), "crystals_map": (crystals, ()), "crystals_phonons": (crystals, ()),
+    "crystals_gain": (crystals, ()), "crystals_long_runs": (crystals, ()),
+}  # fmt: skip

@@ -52,15 +52,9 @@ def test_the_leapfrog_is_stable_up_to_two():
     (row,) = cells(LEAPFROG)
     growth = [row.pop(key) for key in ("largest growth per step", "at step size", "largest growth per time")]
     assert row == {
-        "integrator": "leapfrog",
-        "stages": 1,
-        "stable from": "0",
-        "stable to": "2.000000000000",
-        "stable to, per stage": "2.000000000000",
-        "known limit": "",
-        "unstable to": "inf",
-        "trace touches 2 at": "",
-    }
+        "integrator": "leapfrog", "stages": 1, "stable from": "0", "stable to": "2.000000000000",
+        "stable to, per stage": "2.000000000000", "known limit": "", "unstable to": "inf", "trace touches 2 at": "",
+    }  # fmt: skip
     assert growth[:2] == [inf, inf]
     # arcosh(tau^2/2 - 1)/tau, scanned: near its maximum it is flat, so that a grid of 1e-4 is good to 1e-8.
     assert growth[2] == pytest.approx(max(acosh(t * t / 2 - 1) / t for t in np.arange(2, 8, 1e-4)), rel=1e-7)
@@ -253,11 +247,9 @@ def test_errors_are_relative_to_ruth_and_decline_to_least_amplitude(cube):
         "decline to A = 1",
     )  # fmt: skip
     assert table.rows == [
-        ("ruth", "own", 1.0, 1.0, 1.0, 1.0),
-        ("ruth", "exchanged", 2.0, 2.0, 2.0, 1.0),
-        ("babs7o7h", "own", 0.25, 1.0, 4.0, 16.0),
-        ("babs7o7h", "exchanged", 0.5, 4.0, 0.25, 0.5),
-    ]
+        ("ruth", "own", 1.0, 1.0, 1.0, 1.0), ("ruth", "exchanged", 2.0, 2.0, 2.0, 1.0),
+        ("babs7o7h", "own", 0.25, 1.0, 4.0, 16.0), ("babs7o7h", "exchanged", 0.5, 4.0, 0.25, 0.5),
+    ]  # fmt: skip
 
 
 def test_without_the_yardstick_there_are_no_ratios(cube):
@@ -307,14 +299,10 @@ def test_row_has_largest_trusted_step_errors_and_share_of_limit(ensembles):
     """One percent is trusted; a loss ends it, though coarser steps lose none. Limits: 2, and 1.573401947 over 3."""
     rows = {(row["integrator"], row["energy"]): row for row in reductions.henon_heiles_table(ensembles).records()}
     assert rows["leapfrog", 0.125] == {
-        "integrator": "leapfrog",
-        "energy": 0.125,
-        "linear_limit_tau_per_stage": 2.0,
-        "tau_per_stage_escaped_up_to_0.01": 0.2,
-        "median_energy_error_there": 1.0,
-        "worst_energy_error_there": 2.0,
+        "integrator": "leapfrog", "energy": 0.125, "linear_limit_tau_per_stage": 2.0,
+        "tau_per_stage_escaped_up_to_0.01": 0.2, "median_energy_error_there": 1.0, "worst_energy_error_there": 2.0,
         "share_of_linear_limit": 0.1,
-    }
+    }  # fmt: skip
     ruth = rows["ruth", 0.125]
     assert ruth["linear_limit_tau_per_stage"] == pytest.approx(1.573401947 / 3, rel=1e-9)
     assert ruth["share_of_linear_limit"] == pytest.approx(0.4 * 3 / 1.573401947, rel=1e-9)
