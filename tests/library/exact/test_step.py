@@ -33,9 +33,8 @@ def value(row, tau):
 @given(steps, numbers)
 def test_the_step_matrix_is_a_product_of_matrices(step, tau):
     K = oscillator(step)
-    assert [[value(K.K11, tau), value(K.K12, tau)], [value(K.K21, tau), value(K.K22, tau)]] == matrix(
-        step, tau
-    ).tolist()
+    expected = matrix(step, tau).tolist()
+    assert [[value(K.K11, tau), value(K.K12, tau)], [value(K.K21, tau), value(K.K22, tau)]] == expected
     assert value(K.trace, tau) == matrix(step, tau).trace()
 
 

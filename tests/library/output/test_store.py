@@ -261,9 +261,8 @@ def test_every_flipped_bit_is_found_before_the_file_is_opened(tmp_path, variable
         damaged = bytearray(whole)
         damaged[place] ^= 1 << int(random.integers(8))
         path.write_bytes(damaged)
-        with pytest.raises(
-            ResultFileError, match=r"0\.h5 is (damaged|truncated).* Make it again: snakemake -j2 --force"
-        ):
+        says = r"0\.h5 is (damaged|truncated).* Make it again: snakemake -j2 --force"
+        with pytest.raises(ResultFileError, match=says):
             store.read(path)
 
 
@@ -492,9 +491,8 @@ def test_attributes_of_dataset_and_of_its_variables_are_its_own():
 
 def test_results_of_one_shape_share_neither_values_nor_attributes():
     def one(x):
-        return assembled(
-            {"t": variable("sample", [x, x], "time"), "q": variable("sample", [x, x], "position")}, ["t"], {}
-        )
+        q = variable("sample", [x, x], "position")
+        return assembled({"t": variable("sample", [x, x], "time"), "q": q}, ["t"], {})
 
     first, second = one(1.0), one(2.0)
     first["q"].values[:] = 7.0

@@ -76,9 +76,8 @@ def test_a_missing_manifest_is_a_fault(results):
     (results / "manifest.json").unlink()
     (found,) = faults(results)
     assert (found.file, found.says) == ("manifest.json", "does not exist")
-    assert found.mend == "Make it again: snakemake -j2 --configfile config/smoke.yaml --force " + str(
-        results / "report.html"
-    )
+    command = f"snakemake -j2 --configfile config/smoke.yaml --force {results / 'report.html'}"
+    assert found.mend == f"Make it again: {command}"
 
 
 def edit(results, **changes):

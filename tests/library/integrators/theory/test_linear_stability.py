@@ -20,9 +20,7 @@ def trace(tableau, tau):
 
 
 def symmetric(outer, inner):
-    return Tableau(
-        name="symmetric", label="symmetric", order=2, first="kick", kick=outer, drift=inner, source="here", digits=30
-    )
+    return Tableau(name="symmetric", order=2, first="kick", kick=outer, drift=inner, source="here", digits=30)
 
 
 @pytest.mark.parametrize("first", ["kick", "drift"])

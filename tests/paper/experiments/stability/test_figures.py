@@ -33,9 +33,8 @@ def gaps(cube, name):
 def test_gaps_are_red_from_first_to_last_step_size():
     cube = traces()
     for axes, name in zip(figures.linear_stability(cube).axes, METHODS, strict=True):
-        _, *red = [
-            (artists.span(patch), patch.get_facecolor()) for patch in axes.patches
-        ]  # the first is the stable band
+        _, *patches = axes.patches  # the first is the stable band
+        red = [(artists.span(patch), patch.get_facecolor()) for patch in patches]
         np.testing.assert_allclose([edges for edges, _ in red], gaps(cube, name), rtol=1e-15)
         assert all(np.argmax(colour[:3]) == RED for _, colour in red)
         (low, high), (bottom, top) = axes.get_xlim(), axes.get_ylim()
@@ -147,9 +146,8 @@ def test_exponents_stand_in_row_of_their_method_with_their_intervals():
     for axes, (variable, _, exponent) in zip(figure.axes[2:], VARIABLES, strict=True):
         found = {container[0].get_xdata()[0]: container for container in axes.containers}
         assert len(found) == 3 * len(METHODS)
-        assert axes is not figure.axes[2] or artists.ticks(axes.yaxis) == {
-            label(name): row for row, name in enumerate(METHODS)
-        }
+        rows = {label(name): row for row, name in enumerate(METHODS)}
+        assert axes is not figure.axes[2] or artists.ticks(axes.yaxis) == rows
         for row, name in enumerate(METHODS):
             heights = []
             for source, marker in markers.items():

@@ -180,9 +180,8 @@ def test_orbits_that_are_not_run_would_err_less_than_floor():
 
 
 def test_map_separates_lost_from_kept_orbits_and_circles_from_ellipses():
-    result = reductions.kepler_cube(reductions.stacked(["ruth"], [dataset(maps.kepler_measure("ruth", MAP))])).isel(
-        integrator=0
-    )
+    measured = dataset(maps.kepler_measure("ruth", MAP))
+    result = reductions.kepler_cube(reductions.stacked(["ruth"], [measured])).isel(integrator=0)
     lost = np.isinf(result.energy_error)
     assert lost.any()
     assert (result.orbits_kept.where(lost, drop=True) < MAP.orbits).any()
@@ -265,9 +264,7 @@ def test_looks_measure_energy_only_at_their_instants():
 
 def test_all_escape_beyond_last_linear_limit_none_at_its_tenth():
     """Ruth's steps are unstable for good beyond tau = 1.573401947, of which the origin's neighbourhood knows all."""
-    start = np.concatenate(
-        [henon_heiles_surface(Fraction(1, 24), 100, 1), henon_heiles_surface(Fraction(1, 6), 100, 1)]
-    )
+    start = np.concatenate([henon_heiles_surface(Fraction(1, part), 100, 1) for part in (24, 6)])
     beyond = run.integrate_ensemble(nh.integrators["ruth"], Fraction("1.6"), Fraction(250), start, surfaces=2)
     assert beyond.escaped.tolist() == [1.0, 1.0]
     assert np.isinf(beyond.quantiles).all()
@@ -427,9 +424,8 @@ def tangent_in_multiprecision(system, tableau, tau, steps):
         ends = []
         for sign in (1, -1):
             moved = [x + sign * spacing * (i == j) for j, x in enumerate(start)]
-            q, p = trajectory(tableau, system, mpf(tau), steps, (moved[: len(moved) // 2], moved[len(moved) // 2 :]))[
-                -1
-            ]
+            half = len(moved) // 2
+            q, p = trajectory(tableau, system, mpf(tau), steps, (moved[:half], moved[half:]))[-1]
             ends.append([*q, *p])
         columns.append([float((a - b) / (2 * spacing)) for a, b in zip(*ends, strict=True)])
     return np.transpose(columns)

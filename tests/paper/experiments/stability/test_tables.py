@@ -134,9 +134,8 @@ FITTING = [("sho", name) for name in METHODS] + [("relativistic_oscillator", nam
 @pytest.mark.slow
 def test_a_number_stands_at_its_system_and_method():
     tableaus = [integrators[name] for name in METHODS]
-    cube = reductions.structure_cube(
-        tableaus, {name: runs_of(systems[name], tableaus, t_end) for name, t_end in T_END.items()}
-    )
+    runs = {name: runs_of(systems[name], tableaus, t_end) for name, t_end in T_END.items()}
+    cube = reductions.structure_cube(tableaus, runs)
     assert [*cube] == KEYS
     for system, name in FITTING:
         alone = vars(structure(systems[system], integrators[name], t_end=T_END[system]))
@@ -149,9 +148,8 @@ def test_row_has_all_numbers_and_unfit_methods_have_none():
     steps = np.arange(320.0, 326).reshape(2, 3)
     steps[1, 1] = np.nan
     dims = ("system", "integrator")
-    cube = xr.Dataset(
-        {"return_error": (dims, steps / 7), "steps": (dims, steps)}, {"system": [*T_END], "integrator": METHODS}
-    )
+    coordinates = {"system": [*T_END], "integrator": METHODS}
+    cube = xr.Dataset({"return_error": (dims, steps / 7), "steps": (dims, steps)}, coordinates)
     table = reductions.structure_table(cube)
     assert table.header == ("system", "integrator", "return error", "steps")
     assert [row[:2] for row in table.rows] == FITTING
@@ -316,9 +314,8 @@ def test_a_method_that_is_never_trusted_has_no_errors_there(ensembles):
         for r in reductions.henon_heiles_table(ensembles).records()
         if (r["integrator"], r["energy"]) == ("leapfrog", 1 / 6)
     ]
-    assert np.isnan(
-        [v for k, v in row.items() if k not in {"integrator", "energy", "linear_limit_tau_per_stage"}]
-    ).all()
+    known = {"integrator", "energy", "linear_limit_tau_per_stage"}
+    assert np.isnan([v for k, v in row.items() if k not in known]).all()
 
 
 def test_kepler_evaluations_are_steps_times_stages_at_nearest_eccentricity():
