@@ -1,7 +1,5 @@
 """The command line: subcommands, formats, and exit status (0 yes, 1 no, 2 bad input with one message)."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

@@ -1,7 +1,5 @@
 """Checks of messages about bad input."""
 
-from __future__ import annotations
-
 import copy
 from time import process_time
 

@@ -3,8 +3,6 @@
 It has the functions of ``cuda.bindings.driver`` that :mod:`nearharmonic.engine.device` calls.
 """
 
-from __future__ import annotations
-
 import ctypes
 from enum import IntEnum
 from types import SimpleNamespace

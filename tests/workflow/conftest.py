@@ -1,7 +1,5 @@
 """Copies of the project to run Snakemake in; three of them with results, which tests only read."""
 
-from __future__ import annotations
-
 import json
 from types import SimpleNamespace
 

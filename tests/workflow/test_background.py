@@ -1,7 +1,5 @@
 """The key ``background`` of a config reaches the jobs that draw, and no parameter of a job changes without it."""
 
-from __future__ import annotations
-
 import json
 from types import SimpleNamespace
 

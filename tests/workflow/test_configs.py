@@ -1,7 +1,5 @@
 """The shipped configs: their plans and their sizes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest
@@ -29,12 +27,10 @@ def planned(config):
 @pytest.mark.parametrize(
     ("file", "name"),
     [
-        ("config.yaml", "paper"),
-        ("smoke.yaml", "smoke"),
-        ("regularised.yaml", "regularised"),
+        ("config.yaml", "paper"), ("smoke.yaml", "smoke"), ("regularised.yaml", "regularised"),
         ("smoke_physics.yaml", "smoke_physics"),
     ],
-)
+)  # fmt: skip
 def test_a_config_is_valid_and_named(file, name):
     assert loaded(file).name == name
 

@@ -1,7 +1,5 @@
 """Work of a run in numbers that no busy machine changes: processes, imports of slow libraries, bytes of the page."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import pytest

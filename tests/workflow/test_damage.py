@@ -1,7 +1,5 @@
 """A changed bit, or no file at all, in finished results: never a wrong number, a crash or an endless loop."""
 
-from __future__ import annotations
-
 import os
 import random
 import shutil

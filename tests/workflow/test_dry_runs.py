@@ -1,7 +1,5 @@
 """Dry runs of the shipped configs."""
 
-from __future__ import annotations
-
 import pytest
 
 SMOKE = ("--configfile", "config/smoke.yaml")

@@ -1,7 +1,5 @@
 """The workflow where something is scarce: identical files, or one sentence and nothing half-written."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """Behind a figure and, as slow tests, behind other targets: each file is there and holds what was asked for."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re

@@ -1,7 +1,5 @@
 """Additions of a user take one place: a system, an observable, a figure, an experiment, the workflow as a module."""
 
-from __future__ import annotations
-
 import json
 import shutil
 
@@ -167,12 +165,9 @@ def test_an_experiment_has_its_place_everywhere_by_its_declaration(tmp_path):
         "workflow/schemas/config.schema.yaml",
     }
     contracts = (
-        "-n0",
-        "-p",
-        "no:cacheprovider",
-        "tests/library/contract/test_experiments.py",
+        "-n0", "-p", "no:cacheprovider", "tests/library/contract/test_experiments.py",
         "tests/library/contract/test_figures.py",
-    )
+    )  # fmt: skip
     chosen = ("-k", "added or one_step or every or documents")
     done = project.python("-m", "pytest", *contracts, folders[1], *chosen)
     assert done.returncode == 0, done.stdout

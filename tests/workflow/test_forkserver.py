@@ -1,7 +1,5 @@
 """Local jobs as forks of one process: what they have, how they fail, and that none is left."""
 
-from __future__ import annotations
-
 import os
 import re
 import signal

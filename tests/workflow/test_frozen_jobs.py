@@ -1,7 +1,5 @@
 """Jobs as a cluster runs them, without Snakemake, write the files that Snakemake's own jobs wrote."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

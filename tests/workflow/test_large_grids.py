@@ -1,7 +1,5 @@
 """Grids that change between two runs of the workflow, and grids of many shards."""
 
-from __future__ import annotations
-
 import pytest
 import xarray as xr
 

@@ -1,7 +1,5 @@
 """Only files for the requested target are computed: planned files, and files of a run."""
 
-from __future__ import annotations
-
 import re
 
 import pytest
@@ -32,11 +30,7 @@ def runs_of(system):
 NEEDED = {
     "fig2": {"cubes/sho_terms.h5", *figures("fig2_decomposition")},
     # One job draws all figures of a cube.
-    "fig4": {
-        *runs_of("kepler"),
-        "cubes/kepler.h5",
-        *figures("fig4_perihelion", "fig5_kepler"),
-    },
+    "fig4": {*runs_of("kepler"), "cubes/kepler.h5", *figures("fig4_perihelion", "fig5_kepler")},
     "cubes/sho.h5": {*runs_of("sho"), "cubes/sho.h5"},
     "fig6": figures("fig6_substeps"),
     "linear_stability": {

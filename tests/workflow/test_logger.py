@@ -1,7 +1,5 @@
 """What a run prints on a terminal and in a pipe: records of Snakemake, made by hand, and runs of the tiny config."""
 
-from __future__ import annotations
-
 import io
 import json
 import logging

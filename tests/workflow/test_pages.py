@@ -1,7 +1,5 @@
 """Targets ``pages`` and ``pages_of_times``: their jobs, and a page that is filled in place."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

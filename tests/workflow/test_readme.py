@@ -1,7 +1,5 @@
 """README and the pages under docs: Python blocks run as printed, links lead somewhere, CI runs the commands."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from pathlib import Path
@@ -121,9 +119,8 @@ def test_links_lead_somewhere(page):
         assert linked.exists(), linked
         if section:
             headings = re.findall(r"^#+ (.+)$", linked.read_text(encoding="utf-8"), flags=re.MULTILINE)
-            assert section in {re.sub(r"[^\w\- ]", "", heading).lower().replace(" ", "-") for heading in headings}, (
-                section
-            )
+            anchors = {re.sub(r"[^\w\- ]", "", heading).lower().replace(" ", "-") for heading in headings}
+            assert section in anchors, section
 
 
 def test_no_link_is_named_after_a_file():

@@ -1,7 +1,5 @@
 """The record of real runs of the workflow: history and manifest, what fails and what is damaged."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

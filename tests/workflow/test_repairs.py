@@ -1,7 +1,5 @@
 """Equal results have equal files, and damage of any kind is repaired by one plain start."""
 
-from __future__ import annotations
-
 import shutil
 
 import pytest

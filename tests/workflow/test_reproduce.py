@@ -1,7 +1,5 @@
 """``nearharmonic reproduce``: the workflow in an empty folder, from the sources and from a wheel."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Results of a figure and, as slow tests, of other targets: contents of files, and the laziness of a second run."""
 
-from __future__ import annotations
-
 import json
 
 import h5py

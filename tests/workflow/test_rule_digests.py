@@ -1,7 +1,5 @@
 """The digest of each rule covers the code that its function reaches: found again by importing it, and by bytecode."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

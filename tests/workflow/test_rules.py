@@ -1,7 +1,5 @@
 """All rules, planned and run: inputs and cores agree with the function of the rule."""
 
-from __future__ import annotations
-
 from inspect import Parameter, signature
 
 import pytest

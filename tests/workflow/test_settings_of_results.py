@@ -1,7 +1,5 @@
 """Every file of numbers names the settings that it was made with, and these are the ones of the config."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict
 from fractions import Fraction

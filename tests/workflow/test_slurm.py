@@ -1,7 +1,5 @@
 """The workflow on SLURM: files as on this computer, whatever happens to jobs and to the node."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Names of Snakemake in our sources: its documentation has each of them, so that a release may not take them away."""
 
-from __future__ import annotations
-
 import re
 
 from support.projects.workflow_project import ROOT

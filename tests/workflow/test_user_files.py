@@ -1,7 +1,5 @@
 """A config with users' systems and an integrator, run to its end: files, record, archive, and what edits make again."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

@@ -1,7 +1,5 @@
 """Kernels compile without numba, which takes longer to load than the integrations of a figure."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The target work_precision: a job that uses all cores, its files, and no cost for other targets."""
 
-from __future__ import annotations
-
 import json
 
 import h5py

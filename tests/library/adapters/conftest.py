@@ -1,7 +1,5 @@
 """Double precision of JAX for the tests that ask for it."""
 
-from __future__ import annotations
-
 from importlib.util import find_spec
 
 import pytest

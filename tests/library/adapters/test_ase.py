@@ -1,7 +1,5 @@
 """Integrators in ASE: trajectories, constraints, files, and the trial of methods."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np
@@ -296,17 +294,12 @@ class TestRecommend:
     @pytest.mark.parametrize(
         ("key", "settings"),
         [
-            ("error_per_atom", {"error_per_atom": 0}),
-            ("error_per_atom", {"error_per_atom": "small"}),
-            ("time", {"time": float("inf")}),
-            ("methods", {"methods": "verlet"}),
-            ("methods", {"methods": []}),
-            ("budget", {"budget": 0}),
-            ("budget", {"budget": 1.5}),
-            ("atoms", {"atoms": "Cu"}),
+            ("error_per_atom", {"error_per_atom": 0}), ("error_per_atom", {"error_per_atom": "small"}),
+            ("time", {"time": float("inf")}), ("methods", {"methods": "verlet"}), ("methods", {"methods": []}),
+            ("budget", {"budget": 0}), ("budget", {"budget": 1.5}), ("atoms", {"atoms": "Cu"}),
             ("atoms", {"atoms": ase.Atoms("H3", positions=START)}),
         ],
-    )
+    )  # fmt: skip
     def test_a_bad_setting_raises_an_error(self, key, settings):
         given = {"atoms": wells(), "error_per_atom": 20.0, **settings}
         with pytest.raises(nh.NearharmonicError, match=re.escape(f"{key} = ")):

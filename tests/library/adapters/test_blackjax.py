@@ -1,7 +1,5 @@
 """Methods in BlackJAX: its own integrators as oracles, gradients counted, and what is refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -54,11 +52,9 @@ MINIMAL = nh.Tableau(
     source="McLachlan (1995), SIAM J. Sci. Comput. 16, 151",
 )  # fmt: skip
 COUNTERPARTS = {
-    "velocity_verlet": nh.integrators["verlet"],
-    "omelyan": nh.integrators["omelyan_v5"],
-    "yoshida": nh.integrators["bcss_s3"].role("kick"),
-    "mclachlan": MINIMAL,
-}
+    "velocity_verlet": nh.integrators["verlet"], "omelyan": nh.integrators["omelyan_v5"],
+    "yoshida": nh.integrators["bcss_s3"].role("kick"), "mclachlan": MINIMAL,
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", COUNTERPARTS)

@@ -3,8 +3,6 @@
 A class for each library takes a method, a step and a force, and starts at (0.3, 0), (0, 0.4) with a mass of 1.
 """
 
-from __future__ import annotations
-
 from importlib.util import find_spec
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Methods in JAX MD: states, forces, masses, restarts, derivatives, and what is refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -39,9 +37,8 @@ KICKED = np.array([[0.1, -0.2, 0.05], [-0.05, 0.1, 0.1], [0.0, 0.1, -0.15], [-0.
 
 
 def started(init, position, momentum, mass=1.0):
-    return init(jnp.array(KEY, jnp.uint32), jnp.asarray(position), kT=0.0, mass=mass).set(
-        momentum=jnp.asarray(momentum)
-    )
+    state = init(jnp.array(KEY, jnp.uint32), jnp.asarray(position), kT=0.0, mass=mass)
+    return state.set(momentum=jnp.asarray(momentum))
 
 
 def run(apply, state, steps):

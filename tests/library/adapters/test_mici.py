@@ -1,7 +1,5 @@
 """Methods inside mici: reversibility, orders and refusals."""
 
-from __future__ import annotations
-
 import pickle
 
 import numpy as np

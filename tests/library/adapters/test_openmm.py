@@ -1,7 +1,5 @@
 """Integrators in OpenMM: forces per step, trajectories, heat bath and constraints."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np
@@ -208,11 +206,8 @@ def stationary_variances(method, step, kept):
     """Variances of q and p of p.p/2 + q.q/2 at kT = 1; ``kept`` is left of a velocity after a step. A fixed point."""
     matrix, noise = np.eye(2), np.zeros((2, 2))
     for operator, c in with_bath(method):
-        move = {
-            "kick": [[1, 0], [-c * step, 1]],
-            "drift": [[1, c * step], [0, 1]],
-            "bath": [[1, 0], [0, kept**c]],
-        }[operator]
+        moves = {"kick": [[1, 0], [-c * step, 1]], "drift": [[1, c * step], [0, 1]], "bath": [[1, 0], [0, kept**c]]}
+        move = moves[operator]
         noise = np.array(move) @ noise @ np.array(move).T
         noise[1, 1] += 1 - kept ** (2 * c) if operator == "bath" else 0
         matrix = np.array(move) @ matrix

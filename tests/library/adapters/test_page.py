@@ -1,7 +1,5 @@
 """docs/how_to/adapters.md: its Python runs, and its errors are measured again."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys
@@ -18,9 +16,7 @@ from support.results.stated_numbers import ROOT
 PLACE = "docs/how_to/adapters.md"
 PAGE = (ROOT / PLACE).read_text(encoding="utf-8")
 #: Code by adapter.
-BLOCKS = {
-    re.search(r"nh\.adapters\.(\w+)", block)[1]: block for block in re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
-}
+BLOCKS = {re.search(r"nh\.adapters\.(\w+)", x)[1]: x for x in re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)}
 #: Boltzmann's constant in kJ/mol/K, and meV of a kJ/mol.
 BOLTZMANN, MILLIELECTRONVOLT = 0.00831446261815324, 10.364269656
 FACE_CENTRED = np.array([[0, 0, 0], [0.5, 0.5, 0], [0.5, 0, 0.5], [0, 0.5, 0.5]])

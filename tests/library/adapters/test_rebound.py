@@ -1,7 +1,5 @@
 """Methods inside REBOUND: trajectories, changed particles, names, and refusals."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Chains of BlackJAX and mici as the table of samplers has them: gradients, acceptance and targets."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

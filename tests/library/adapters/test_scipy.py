@@ -1,7 +1,5 @@
 """Methods inside solve_ivp: trajectories, calls of the force, events, times within a step, and refusals."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

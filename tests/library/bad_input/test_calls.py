@@ -1,7 +1,5 @@
 """Bad calls of the library: each ends with one sentence before any work."""
 
-from __future__ import annotations
-
 import inspect
 import itertools
 import os

@@ -1,7 +1,5 @@
 """Bad command lines: each ends with one sentence, exit status 2, and nothing written."""
 
-from __future__ import annotations
-
 import shlex
 from time import process_time
 

@@ -1,7 +1,5 @@
 """Bad configs: each ends with one sentence that names the key, before any work."""
 
-from __future__ import annotations
-
 import json
 import os
 from functools import partial

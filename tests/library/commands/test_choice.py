@@ -1,7 +1,5 @@
 """Commands recommend and tailor."""
 
-from __future__ import annotations
-
 import fcntl
 import json
 import os

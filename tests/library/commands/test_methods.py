@@ -1,7 +1,5 @@
 """Commands export, new and verify-tableau."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

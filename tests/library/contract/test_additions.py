@@ -1,7 +1,5 @@
 """A method is one file, and a system one file and its line in a config: tests hold without any other edit."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

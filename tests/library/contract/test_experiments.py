@@ -1,7 +1,5 @@
 """Experiments are declared once, and the workflow, the config, the documents and codecheck.yml have all of it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import yaml

@@ -1,7 +1,5 @@
 """Every figure: a cube with one method, a cube without numbers, and the content of the caption."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from itertools import combinations, pairwise

@@ -1,7 +1,5 @@
 """Public names: docstrings with examples and references, and how a notebook shows entries and registries."""
 
-from __future__ import annotations
-
 import doctest
 import inspect
 import re
@@ -39,9 +37,8 @@ def sections(docstring):
 @pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name in LONGER)) for name in PUBLIC])
 def test_example_of_public_name_runs(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    example = doctest.DocTestParser().get_doctest(
-        sections(inspect.getdoc(PUBLIC[name]))["Examples"], {}, name, None, None
-    )
+    text = sections(inspect.getdoc(PUBLIC[name]))["Examples"]
+    example = doctest.DocTestParser().get_doctest(text, {}, name, None, None)
     assert example.examples
     report = []
     failed, _ = doctest.DocTestRunner().run(example, out=report.append)

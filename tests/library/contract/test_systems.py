@@ -1,7 +1,5 @@
 """Every registered system: gradients, units, invariants and constants against independent values."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from fractions import Fraction

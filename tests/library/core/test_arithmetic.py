@@ -1,7 +1,5 @@
 """Error-free transforms and double-double arithmetic against exact rational arithmetic."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import pytest

@@ -1,7 +1,5 @@
 """Compiled code: its folder, its keys, and functions of numba on disk."""
 
-from __future__ import annotations
-
 import importlib
 import logging
 import os

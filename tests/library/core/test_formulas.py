@@ -1,7 +1,5 @@
 """Formulas: expressions, constants, and random formulas in every number type."""
 
-from __future__ import annotations
-
 from decimal import Decimal, localcontext
 from fractions import Fraction
 from itertools import combinations, pairwise
@@ -157,9 +155,8 @@ def counted(V, dimension, more=0):
 @pytest.mark.parametrize("n", [2, 7])
 def test_partners_share_cube_of_their_distance_and_force_between_them(n):
     def V(q, *m):
-        squares = {
-            (i, j): sum((q[3 * i + k] - q[3 * j + k]) ** 2 for k in range(3)) for i, j in combinations(range(n), 2)
-        }
+        bodies = combinations(range(n), 2)
+        squares = {(i, j): sum((q[3 * i + k] - q[3 * j + k]) ** 2 for k in range(3)) for i, j in bodies}
         return -sum(m[i] * m[j] / sqrt(square) for (i, j), square in squares.items())
 
     pairs = n * (n - 1) // 2

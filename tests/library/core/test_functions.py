@@ -1,7 +1,5 @@
 """Functions of formulas: their accuracy, their data, and how users call them."""
 
-from __future__ import annotations
-
 import math
 import re
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """Kernels: steps against oracles, loops of many coordinates, and products of a step size."""
 
-from __future__ import annotations
-
 import random
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields
@@ -436,15 +434,11 @@ RNG = random.Random(1)
 #: Kinds of step sizes: any; short decimals; few bits; multiples of 3 and 5, for which n/24 or n/5 may be half-way
 #: between two doubles; 27 bits, whose square is half-way; both ends of what is promised.
 TAUS = (
-    lambda: RNG.uniform(-1, 1),
-    lambda: round(RNG.uniform(0.01, 9), 2),
-    lambda: RNG.randint(-999, 999) * 2.0**-9,
-    lambda: 3 * RNG.randint(1, 2**51) * 2.0**-52,
-    lambda: 5 * RNG.randint(1, 2**50) * 2.0**-51,
-    lambda: (2 * RNG.randint(2**25, 2**26) + 1) * 2.0**-30,
-    lambda: 10.0 ** RNG.uniform(-80, -70),
+    lambda: RNG.uniform(-1, 1), lambda: round(RNG.uniform(0.01, 9), 2), lambda: RNG.randint(-999, 999) * 2.0**-9,
+    lambda: 3 * RNG.randint(1, 2**51) * 2.0**-52, lambda: 5 * RNG.randint(1, 2**50) * 2.0**-51,
+    lambda: (2 * RNG.randint(2**25, 2**26) + 1) * 2.0**-30, lambda: 10.0 ** RNG.uniform(-80, -70),
     lambda: -(10.0 ** RNG.uniform(70, 80)),
-)
+)  # fmt: skip
 
 
 def filled(rows, power, tau, flags=None):

@@ -1,7 +1,5 @@
 """The language of loops: what is written computes what Python computes with the same function."""
 
-from __future__ import annotations
-
 from inspect import signature
 from math import inf, isnan, nan
 

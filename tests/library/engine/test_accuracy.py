@@ -1,7 +1,5 @@
 """Exact positions: closed forms where the system has one of its own, else an orbit followed in extended precision."""
 
-from __future__ import annotations
-
 import dataclasses
 import re
 import warnings

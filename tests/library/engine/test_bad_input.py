@@ -3,8 +3,6 @@
 Numbers and arrays of every kind have the same exact values in all public functions, or are refused.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from decimal import Decimal
@@ -253,22 +251,14 @@ ODD = {
 }
 #: Arrays of the same numbers.
 KEPT = {
-    "tuple": tuple,
-    "array": np.array,
-    "single": np.float32,
-    "long": np.longdouble,
-    "strided": lambda x: np.repeat(x, 2)[::2],
-    "text": lambda x: [*map(str, x)],
-    "array of text": lambda x: np.array([*map(str, x)]),
-    "fractions": lambda x: [*map(Fraction, x)],
-    "decimals": lambda x: [*map(Decimal, x)],
-    "array of objects": lambda x: np.array([*map(Fraction, x)]),
-    "mpf": lambda x: [*map(mpmath.mpf, x)],
-    "mpfr": lambda x: np.array([*map(gmpy2.mpfr, x)]),
+    "tuple": tuple, "array": np.array, "single": np.float32, "long": np.longdouble,
+    "strided": lambda x: np.repeat(x, 2)[::2], "text": lambda x: [*map(str, x)],
+    "array of text": lambda x: np.array([*map(str, x)]), "fractions": lambda x: [*map(Fraction, x)],
+    "decimals": lambda x: [*map(Decimal, x)], "array of objects": lambda x: np.array([*map(Fraction, x)]),
+    "mpf": lambda x: [*map(mpmath.mpf, x)], "mpfr": lambda x: np.array([*map(gmpy2.mpfr, x)]),
     "mask of nothing": lambda x: np.ma.array(x, mask=False),
-    "labelled": lambda x: xr.DataArray(x, attrs={"units": "m"}),
-    "series": pd.Series,
-}
+    "labelled": lambda x: xr.DataArray(x, attrs={"units": "m"}), "series": pd.Series,
+}  # fmt: skip
 
 
 def plain(function, argument):

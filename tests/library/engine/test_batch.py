@@ -1,7 +1,5 @@
 """Settings of the arithmetic, and the exact coefficients and starts that runs share."""
 
-from __future__ import annotations
-
 import random
 from concurrent.futures import ThreadPoolExecutor
 from fractions import Fraction
@@ -180,9 +178,8 @@ def test_overflow_in_a_lane_leaves_other_lanes_alone(settings, trials):
     for width in range(6, 12):
         members = [*(draw.choice(OVERFLOWING) for _ in range(width)), *HEALTHY]
         draw.shuffle(members)
-        many = nh.ensemble(
-            "henon_heiles", "aba864", 0.5, q0=np.array(members), p0=[["0", "0.4"]] * len(members), **given
-        )
+        start = {"q0": np.array(members), "p0": [["0", "0.4"]] * len(members)}
+        many = nh.ensemble("henon_heiles", "aba864", 0.5, **start, **given)
         for place, q0 in enumerate(members):
             with kind.case((settings, members, place)):
                 one = many.isel(member=place)
@@ -204,9 +201,8 @@ def test_denormal_states_are_those_of_exact_steps(summation, trials):
             for found, value in zip((run.q[-1, 0], run.p[-1, 0]), exact, strict=True):
                 assert abs(mpf(found.item()) - scale * value) <= allowed
             assert run.status.item() == "ok"
-            many = nh.ensemble(
-                "sho", "aba864", 0.25, q0=[[1.0], [2.0**-power]] * 9, p0=[0.0], t_end=10, summation=summation
-            )
+            q0 = [[1.0], [2.0**-power]] * 9
+            many = nh.ensemble("sho", "aba864", 0.25, q0=q0, p0=[0.0], t_end=10, summation=summation)
             assert (many.q[1::2, -1, 0] == run.q[-1, 0].item()).all()
 
 

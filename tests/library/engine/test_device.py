@@ -4,8 +4,6 @@ The driver is a recorded one, whose threads run the kernel compiled for the proc
 which is read and assembled here. Bits of a real GPU are compared by ``benchmarks/gpu.py``.
 """
 
-from __future__ import annotations
-
 import re
 import shutil
 import signal

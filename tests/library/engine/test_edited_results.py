@@ -1,7 +1,5 @@
 """Continued runs from edited results."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import re

@@ -1,7 +1,5 @@
 """Oscillators solved exactly: against rotations by cosine and sine in mpmath, closed forms, orders, and bits."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """The kernel against closed forms: the oscillator's matrix, Kepler's equation, a multiprecision trajectory."""
 
-from __future__ import annotations
-
 import mpmath
 import pytest
 from mpmath import mp, mpf

@@ -1,7 +1,5 @@
 """The Gauss method: implicit steps with all stages in lanes, against closed forms and mpmath."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """Gradients of observables at the end of runs, against differences in extended precision, closed forms and mpmath."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from itertools import pairwise
 
@@ -55,16 +53,12 @@ DRIVEN = nh.System(
 #: System, method (asymmetric ones too), step, end, observable.
 CASES = {
     "henon_heiles": ("henon_heiles", "babps8o7h", 0.5, 30, torque),
-    "asymmetric": ("henon_heiles", "ruth", 0.1, 30, torque),
-    "implicit": (SPRING, "gauss16", 0.5, 8, product),
-    "kepler": ("kepler", "aba864", 30, 3000, torque),
-    "modified": (SPRING, "chin_4a", 0.2, 8, product),
+    "asymmetric": ("henon_heiles", "ruth", 0.1, 30, torque), "implicit": (SPRING, "gauss16", 0.5, 8, product),
+    "kepler": ("kepler", "aba864", 30, 3000, torque), "modified": (SPRING, "chin_4a", 0.2, 8, product),
     "oscillator": ("sho", "mclachlan_atela_3", 0.2, 10, product),
-    "spring": (SPRING, "mclachlan_atela_4", 0.1, 8, product),
-    "masses": (MASSES, "babps8o7h", 0.25, 8, weighted),
-    "kinetic": (KINETIC, "ruth", 0.1, -8, weighted),
-    "driven": (DRIVEN, "ruth", 0.1, 8, product),
-}
+    "spring": (SPRING, "mclachlan_atela_4", 0.1, 8, product), "masses": (MASSES, "babps8o7h", 0.25, 8, weighted),
+    "kinetic": (KINETIC, "ruth", 0.1, -8, weighted), "driven": (DRIVEN, "ruth", 0.1, 8, product),
+}  # fmt: skip
 #: Those whose kernels take longest to compile are slow.
 SLOW = ("implicit", "modified")
 each_case = pytest.mark.parametrize(

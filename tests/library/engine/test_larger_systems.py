@@ -1,7 +1,5 @@
 """Chains of ten and 1024 sites, ten and a hundred bodies: normal modes, conserved momenta, and measured energies."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from mpmath import mp, mpf

@@ -1,7 +1,5 @@
 """Systems whose V is a function of numba: their runs, what they refuse, and the floor of their energy errors."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

@@ -3,8 +3,6 @@
 Their states, orders and bits are tested with those of the other methods with kicks of a modified potential.
 """
 
-from __future__ import annotations
-
 import pickle
 from dataclasses import replace
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """Results have the same bits on other processors: without vectors of 256 bits and FMA, and with AVX-512 of any kind."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os
@@ -46,11 +44,9 @@ def older_processor():
     """The environment in which numpy, BLAS, the C library and the compiler see one: docs/explanation/processors.md."""
     features = np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])  # type: ignore[index]
     return {
-        "OPENBLAS_CORETYPE": "Prescott",
-        "NPY_DISABLE_CPU_FEATURES": " ".join(features),
-        "NUMBA_CPU_NAME": "generic",
+        "OPENBLAS_CORETYPE": "Prescott", "NPY_DISABLE_CPU_FEATURES": " ".join(features), "NUMBA_CPU_NAME": "generic",
         "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-AVX512F,-FMA4",
-    }
+    }  # fmt: skip
 
 
 def printed_there(program, environment):

@@ -1,7 +1,5 @@
 """Kepler's problem in a fictitious time, against the closed form, and against the same method in multiprecision."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from fractions import Fraction
 

@@ -1,7 +1,5 @@
 """Prepared problems and ensembles: the bits of single runs, whatever the threads, the width and the company."""
 
-from __future__ import annotations
-
 import fcntl
 import os
 import pickle

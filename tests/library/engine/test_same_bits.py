@@ -1,7 +1,5 @@
 """Runs of every kind have the same bits whatever function is called, beside other runs, and in parts."""
 
-from __future__ import annotations
-
 import gc
 import pickle
 import random

@@ -1,7 +1,5 @@
 """``nh.section``: crossings to rounding, by closed forms and by runs that end at them."""
 
-from __future__ import annotations
-
 import warnings
 from fractions import Fraction
 
@@ -66,9 +64,8 @@ def test_directions_split_crossings_and_a_function_is_a_surface():
         found = nh.section("henon_heiles", "ruth", 0.1, surface=0, direction=direction, starts=STARTS, t_end=60)
         counts[direction], times[direction] = found.crossings.values, found.t.values
     assert (counts["up"] + counts["down"] == counts["both"]).all()
-    turned = nh.section(
-        "henon_heiles", "ruth", 0.1, surface=lambda q, p: -q[0], direction="down", starts=STARTS, t_end=60
-    )
+    how = {"surface": lambda q, p: -q[0], "direction": "down", "starts": STARTS, "t_end": 60}
+    turned = nh.section("henon_heiles", "ruth", 0.1, **how)
     assert np.array_equal(turned.t, times["up"], equal_nan=True)
 
 

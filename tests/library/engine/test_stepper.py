@@ -1,7 +1,5 @@
 """Steps inside functions of numba against runs of one step."""
 
-from __future__ import annotations
-
 import re
 from fractions import Fraction
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Tangent maps against closed forms, differences in extended precision, and steps with their Jacobians in mpmath."""
 
-from __future__ import annotations
-
 import re
 from fractions import Fraction
 from itertools import pairwise

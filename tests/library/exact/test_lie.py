@@ -1,7 +1,5 @@
 """The basis of the free Lie algebra and its quotient, against other counts and real mechanical systems."""
 
-from __future__ import annotations
-
 import random
 from fractions import Fraction
 from itertools import product

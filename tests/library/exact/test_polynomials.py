@@ -1,7 +1,5 @@
 """Roots, zeros and formats of numbers against closed forms and exact fractions."""
 
-from __future__ import annotations
-
 from decimal import ROUND_HALF_EVEN, Decimal, localcontext
 from fractions import Fraction
 from itertools import pairwise
@@ -223,9 +221,8 @@ def test_rank_counts_independent_values_and_pivots_have_largest_slopes():
         nearly = [[mpf(1), mpf(1)], [mpf(1), 1 + mpf("1e-10")]]
         assert polynomials.rank_and_pivots(lambda _, rows=nearly: rows, [0, 0], digits=digits)[0] == expected
     assert polynomials.rank_and_pivots(slopes, [1, 1])[0] == 2
-    assert (
-        polynomials.rank_and_pivots(slopes, [Fraction(1, 2), Fraction(-1, 2)])[0] == 1
-    )  # there circle and line are parallel
+    # There circle and line are parallel.
+    assert polynomials.rank_and_pivots(slopes, [Fraction(1, 2), Fraction(-1, 2)])[0] == 1
 
 
 def test_zero_that_is_near_is_proved_and_its_distance_bounded():

@@ -1,7 +1,5 @@
 """Steps from their rows, and what they do to the harmonic oscillator, against products of matrices."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import numpy as np
@@ -35,9 +33,8 @@ def value(row, tau):
 @given(steps, numbers)
 def test_the_step_matrix_is_a_product_of_matrices(step, tau):
     K = oscillator(step)
-    assert [[value(K.K11, tau), value(K.K12, tau)], [value(K.K21, tau), value(K.K22, tau)]] == matrix(
-        step, tau
-    ).tolist()
+    expected = matrix(step, tau).tolist()
+    assert [[value(K.K11, tau), value(K.K12, tau)], [value(K.K21, tau), value(K.K22, tau)]] == expected
     assert value(K.trace, tau) == matrix(step, tau).trace()
 
 
@@ -78,13 +75,10 @@ def test_errors_are_measured_from_the_series_of_sine_and_cosine():
 @pytest.mark.parametrize(
     ("first", "kicks", "drifts", "squares", "expected"),
     [
-        ("kick", "ab", "x", (), "Ba Ax Bb"),
-        ("drift", "a", "xy", (), "Ax Ba Ay"),
-        ("kick", "ab", "xy", (), "Ba Ax Bb Ay"),
-        ("drift", "ab", "xy", (), "Ax Ba Ay Bb"),
-        ("kick", "ab", "x", ("m", None), "Ba Cm Ax Bb"),
-        ("drift", "ab", "xyz", (None, "n"), "Ax Ba Ay Bb Cn Az"),
+        ("kick", "ab", "x", (), "Ba Ax Bb"), ("drift", "a", "xy", (), "Ax Ba Ay"),
+        ("kick", "ab", "xy", (), "Ba Ax Bb Ay"), ("drift", "ab", "xy", (), "Ax Ba Ay Bb"),
+        ("kick", "ab", "x", ("m", None), "Ba Cm Ax Bb"), ("drift", "ab", "xyz", (None, "n"), "Ax Ba Ay Bb Cn Az"),
     ],
-)
+)  # fmt: skip
 def test_kicks_and_drifts_take_turns_and_squares_follow_kicks(first, kicks, drifts, squares, expected):
     assert composed(first, kicks, drifts, squares) == tuple((text[0], text[1]) for text in expected.split())

@@ -1,7 +1,5 @@
 """Steps on words, their logarithm and the derivatives of both, against series that are multiplied out."""
 
-from __future__ import annotations
-
 import random
 from fractions import Fraction
 

@@ -1,7 +1,5 @@
 """Every file of examples runs as printed, draws its picture, and is in gallery, config and tables."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """Results of the examples, compared with closed forms, the literature and other integrators."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from itertools import pairwise
 from math import pi, sin

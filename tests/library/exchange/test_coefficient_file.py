@@ -1,7 +1,5 @@
 """Files of coefficients: equal digits from JSON, TOML and CSV, and one sentence for unreadable files."""
 
-from __future__ import annotations
-
 import pytest
 
 from nearharmonic.errors import TableauError

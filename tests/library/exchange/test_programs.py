@@ -1,7 +1,5 @@
 """Exported programs: their texts, read back without a compiler, and their states where a compiler or library is."""
 
-from __future__ import annotations
-
 import json
 import re
 import subprocess
@@ -36,11 +34,9 @@ def arrays(tableau, to, text):
     """The rows of kicks and of drifts as a program has them."""
     name = identifier(tableau)
     names = {
-        "fortran": ("c_kick", "c_drift"),
-        "sundials": ("ahat", "a"),
-        "rebound": ("KICK", "DRIFT"),
+        "fortran": ("c_kick", "c_drift"), "sundials": ("ahat", "a"), "rebound": ("KICK", "DRIFT"),
         "diffrax": ("KICK", "DRIFT"),
-    }.get(to, (f"{name}_kick", f"{name}_drift"))
+    }.get(to, (f"{name}_kick", f"{name}_drift"))  # fmt: skip
     return tuple(array(text, one) for one in names)
 
 

@@ -1,7 +1,5 @@
 """Coefficients from other sources: proofs of published claims, bounds of residuals, and errors that are found."""
 
-from __future__ import annotations
-
 import random
 from dataclasses import replace
 from decimal import Context
@@ -23,48 +21,23 @@ from support.oracles.reference_solutions import oscillator_step
 
 #: General order, order for quadratic T, and order on the oscillator.
 PUBLISHED = {
-    "bcss_s3": (2, 2, 2),
-    "mclachlan_atela_4": (3, 4, 4),
-    "morales_s17o8": (8, 8, 8),
-    "na7": (4, 6, 6),
-    "nystrom_6a8": (4, 6, 6),
-    "omelyan_s7o6": (4, 6, 6),
-    "predescu_s3": (2, 2, 2),
-    "s17odr8a": (8, 8, 8),
-    "sofspa_s11o6": (6, 6, 6),
-    "sofspa_s19o8": (8, 8, 8),
-    "srkn_a17": (4, 8, 8),
-    "srkn_b18": (4, 8, 8),
-    "teloy_6a9": (6, 6, 6),
-    "teloy_8a17b": (4, 8, 8),
-}
+    "bcss_s3": (2, 2, 2), "mclachlan_atela_4": (3, 4, 4), "morales_s17o8": (8, 8, 8), "na7": (4, 6, 6),
+    "nystrom_6a8": (4, 6, 6), "omelyan_s7o6": (4, 6, 6), "predescu_s3": (2, 2, 2), "s17odr8a": (8, 8, 8),
+    "sofspa_s11o6": (6, 6, 6), "sofspa_s19o8": (8, 8, 8), "srkn_a17": (4, 8, 8), "srkn_b18": (4, 8, 8),
+    "teloy_6a9": (6, 6, 6), "teloy_8a17b": (4, 8, 8),
+}  # fmt: skip
 #: Claimed order or None, and proved: general, for quadratic T, on the oscillator.
 LIBRARIES = {
-    "blackjax_mclachlan": (None, 2, 2, 2),
-    "blackjax_omelyan": (None, 4, 4, 4),
-    "blackjax_yoshida": (None, 2, 2, 2),
-    "desolver_abas5o6h": (6, 4, 4, 6),
-    "desolver_babs9o7h": (7, 4, 4, 6),
-    "diffrax_semi_implicit_euler": (1, 1, 1, 1),
-    "galpy_symplec4": (4, 4, 4, 4),
-    "galpy_symplec6": (6, 6, 6, 6),
-    "geometricintegrators_mclachlan4": (4, 2, 2, 2),
-    "geometricintegrators_mclachlan4_since": (4, 4, 4, 4),
-    "mici_bcss_s2": (2, 2, 2, 2),
-    "mici_bcss_s3": (2, 2, 2, 2),
-    "mici_bcss_s4": (2, 2, 2, 2),
-    "ordinarydiffeq_calvosanz4": (4, 3, 3, 4),
-    "ordinarydiffeq_mcate4": (4, 3, 3, 4),
-    "ordinarydiffeq_mcate42": (4, 1, 1, 1),
-    "ordinarydiffeq_mcate5": (5, 3, 3, 5),
-    "suzuki_yoshida_3": (4, 2, 2, 2),
-    "suzuki_yoshida_5": (4, 2, 2, 2),
-    "suzuki_yoshida_7": (6, 6, 6, 6),
-    "xtrack_yoshida4": (4, 6, 6, 6),
-    "xtrack_yoshida_4": (4, 4, 4, 4),
-    "xtrack_yoshida_6": (6, 6, 6, 6),
-    "xtrack_yoshida_8": (8, 8, 8, 8),
-}
+    "blackjax_mclachlan": (None, 2, 2, 2), "blackjax_omelyan": (None, 4, 4, 4), "blackjax_yoshida": (None, 2, 2, 2),
+    "desolver_abas5o6h": (6, 4, 4, 6), "desolver_babs9o7h": (7, 4, 4, 6),
+    "diffrax_semi_implicit_euler": (1, 1, 1, 1), "galpy_symplec4": (4, 4, 4, 4), "galpy_symplec6": (6, 6, 6, 6),
+    "geometricintegrators_mclachlan4": (4, 2, 2, 2), "geometricintegrators_mclachlan4_since": (4, 4, 4, 4),
+    "mici_bcss_s2": (2, 2, 2, 2), "mici_bcss_s3": (2, 2, 2, 2), "mici_bcss_s4": (2, 2, 2, 2),
+    "ordinarydiffeq_calvosanz4": (4, 3, 3, 4), "ordinarydiffeq_mcate4": (4, 3, 3, 4),
+    "ordinarydiffeq_mcate42": (4, 1, 1, 1), "ordinarydiffeq_mcate5": (5, 3, 3, 5), "suzuki_yoshida_3": (4, 2, 2, 2),
+    "suzuki_yoshida_5": (4, 2, 2, 2), "suzuki_yoshida_7": (6, 6, 6, 6), "xtrack_yoshida4": (4, 6, 6, 6),
+    "xtrack_yoshida_4": (4, 4, 4, 4), "xtrack_yoshida_6": (6, 6, 6, 6), "xtrack_yoshida_8": (8, 8, 8, 8),
+}  # fmt: skip
 
 
 def orders(found):

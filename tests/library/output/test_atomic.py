@@ -1,7 +1,5 @@
 """Files: whole at every moment, and what is no regular file is one error at once."""
 
-from __future__ import annotations
-
 import os
 import platform
 import signal
@@ -134,11 +132,9 @@ def test_temporary_files_of_ended_processes_are_removed(tmp_path):
 
 
 NO_FILES = {
-    "pipe": os.mkfifo,
-    "folder": os.mkdir,
-    "endless device": lambda place: place.symlink_to("/dev/zero"),
+    "pipe": os.mkfifo, "folder": os.mkdir, "endless device": lambda place: place.symlink_to("/dev/zero"),
     "link to itself": lambda place: place.symlink_to(place),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("kind", NO_FILES)

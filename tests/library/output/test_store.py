@@ -1,7 +1,5 @@
 """Result files and datasets: the same bytes twice, named dimensions, plain words about broken files."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess
@@ -263,9 +261,8 @@ def test_every_flipped_bit_is_found_before_the_file_is_opened(tmp_path, variable
         damaged = bytearray(whole)
         damaged[place] ^= 1 << int(random.integers(8))
         path.write_bytes(damaged)
-        with pytest.raises(
-            ResultFileError, match=r"0\.h5 is (damaged|truncated).* Make it again: snakemake -j2 --force"
-        ):
+        says = r"0\.h5 is (damaged|truncated).* Make it again: snakemake -j2 --force"
+        with pytest.raises(ResultFileError, match=says):
             store.read(path)
 
 
@@ -451,12 +448,9 @@ VARIABLES = {
 #: Of dimensions without a coordinate.
 COUNTS = {"x": variable("x", np.arange(3), "number of the x"), "y": variable("y", np.arange(2), "number of the y")}
 COORDINATES = [
-    coordinate("x", np.array([0.3, 0.1, 0.2]), "step size", "h"),
-    coordinate("x", np.array([3, 1, 2]), "count"),
-    coordinate("x", ["b", "a", "c"], "name"),
-    {"t": variable("x", np.array([0.0, 1.0, 2.0]), "time", "h")},
-    {},
-]
+    coordinate("x", np.array([0.3, 0.1, 0.2]), "step size", "h"), coordinate("x", np.array([3, 1, 2]), "count"),
+    coordinate("x", ["b", "a", "c"], "name"), {"t": variable("x", np.array([0.0, 1.0, 2.0]), "time", "h")}, {},
+]  # fmt: skip
 
 
 def check_identical(found, expected):
@@ -497,9 +491,8 @@ def test_attributes_of_dataset_and_of_its_variables_are_its_own():
 
 def test_results_of_one_shape_share_neither_values_nor_attributes():
     def one(x):
-        return assembled(
-            {"t": variable("sample", [x, x], "time"), "q": variable("sample", [x, x], "position")}, ["t"], {}
-        )
+        q = variable("sample", [x, x], "position")
+        return assembled({"t": variable("sample", [x, x], "time"), "q": q}, ["t"], {})
 
     first, second = one(1.0), one(2.0)
     first["q"].values[:] = 7.0

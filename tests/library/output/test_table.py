@@ -1,7 +1,5 @@
 """Tables in their forms, answers of commands, and generated parts of pages."""
 
-from __future__ import annotations
-
 import json
 import shlex
 import sys
@@ -33,11 +31,9 @@ def test_each_form_holds_the_digits_that_its_readers_see():
 
 def test_latex_has_formulas_and_numbers_in_math_mode():
     rows = [
-        ["Q[1,0] Cbar_2 - C_2 Q[0,0]", -0.5],
-        ["babps8o7h & bcss_s2, 5 %", 1e-5],
-        ["d_1 = d_3", 87660],
+        ["Q[1,0] Cbar_2 - C_2 Q[0,0]", -0.5], ["babps8o7h & bcss_s2, 5 %", 1e-5], ["d_1 = d_3", 87660],
         ["h", "0.1234567"],
-    ]
+    ]  # fmt: skip
     lines = Table(header=["tau^2 of Table 2", "d(1)"], rows=rows).latex().splitlines()[3:]
     assert [line for line in lines if "&" in line] == [
         r"$\tau^{2}$ of Table 2 & $d(1)$ \\",

@@ -1,7 +1,5 @@
 """The measuring engine: errors and calls of curves, where they cross a target, and searches for the fewest steps."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from math import ceil, inf, nan
 
@@ -287,9 +285,8 @@ def test_costs_between_two_points_are_those_of_the_power_law():
 def test_final_position_is_found_after_fewer_samples_than_others():
     system, tableau = systems["henon_heiles"], nh.integrators["rowlands"]
     exact = reference(system, "20")
-    found = engine.measure(engine.Interval(system, "20", exact), [tableau], np.geomspace(0.005, 0.5, 5), modes=()).isel(
-        solver=0
-    )
+    interval = engine.Interval(system, "20", exact)
+    found = engine.measure(interval, [tableau], np.geomspace(0.005, 0.5, 5), modes=()).isel(solver=0)
     assert found.sizes["point"] == 5
     for i in range(5):
         point = found.isel(point=i)

@@ -1,7 +1,5 @@
 """Recommended methods: their runs made again, what may be chosen, other libraries, questions that are refused."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math
@@ -498,9 +496,8 @@ def test_other_libraries_are_taken_from_the_timings_that_are_there(results):
     assert {choice.method for choice in found.choices} == {*THREE, "theirs", "lucky", "absent"}
     assert found.choices[0].method == "lucky"
     assert found.search.t_end == "500"
-    assert f"other libraries: {results}/cubes/work_precision.h5, measured 2026-01-02T03:04:05+00:00 on Fast 9" in (
-        found.basis
-    )
+    measured = f"{results}/cubes/work_precision.h5, measured 2026-01-02T03:04:05+00:00 on Fast 9"
+    assert f"other libraries: {measured}" in found.basis
 
 
 @pytest.mark.slow

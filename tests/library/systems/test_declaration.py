@@ -1,7 +1,5 @@
 """Short forms of declarations of a system, and their meanings."""
 
-from __future__ import annotations
-
 import copy
 import math
 import operator
@@ -162,11 +160,9 @@ def test_parameters_named_in_another_order_are_refused(case):
 
 def test_parameters_of_other_names_are_taken_by_position():
     potentials = (
-        lambda q, mass, k: k * q[0] ** 2 / mass,
-        lambda q, *k: k[1] * q[0] ** 2 / k[0],
-        lambda q, k, n: n * q[0] ** 2 / k,
-        partial(lambda factor, q, m, k: factor * k * q[0] ** 2 / m, 1),
-    )
+        lambda q, mass, k: k * q[0] ** 2 / mass, lambda q, *k: k[1] * q[0] ** 2 / k[0],
+        lambda q, k, n: n * q[0] ** 2 / k, partial(lambda factor, q, m, k: factor * k * q[0] ** 2 / m, 1),
+    )  # fmt: skip
     for V in potentials:
         assert made(V=V).energy((1.0,), (0.0,), (1.0, 4.0)) == 4
 
@@ -290,12 +286,10 @@ def test_an_energy_that_is_no_number_is_refused(value, words):
 @pytest.mark.parametrize(
     "more",
     [
-        {"H": lambda q, p: p[0] ** 2 * q[0]},
-        {"V": lambda q, p: p[0] * q[0]},
-        {"T": lambda q, p: p[0] ** 2 / q[0]},
+        {"H": lambda q, p: p[0] ** 2 * q[0]}, {"V": lambda q, p: p[0] * q[0]}, {"T": lambda q, p: p[0] ** 2 / q[0]},
         {"T": lambda p, q: p[0] ** 2 / q[0]},
     ],
-)
+)  # fmt: skip
 def test_energies_of_both_q_and_p_are_sent_elsewhere(more):
     """Magnetic fields, rotating frames, double pendulums: docs/start/choosing.md says where to go."""
     with pytest.raises(SystemDefinitionError, match=r"needs H = T\(p\) \+ V\(q\) .* 'The wrong tool'"):

@@ -1,7 +1,5 @@
 """The comparison of gradients with energies at first use: what it finds, and that it rejects no correct system."""
 
-from __future__ import annotations
-
 import pickle
 import re
 from concurrent.futures import ThreadPoolExecutor
@@ -145,9 +143,8 @@ def test_one_wrong_component_of_many_is_named(wrong, d):
 
 
 def test_a_component_that_should_vanish_is_found():
-    formula, index, value, derivative, _ = contradiction(
-        system(lambda q: q[0] ** 2, lambda q: (2 * q[0], 1e-9), ("1", "1"))
-    )
+    wrong = system(lambda q: q[0] ** 2, lambda q: (2 * q[0], 1e-9), ("1", "1"))
+    formula, index, value, derivative, _ = contradiction(wrong)
     assert (formula, index, value, derivative) == ("grad_V", 1, 1e-9, 0)
 
 
@@ -293,9 +290,7 @@ def test_derived_gradients_are_those_given_in_every_number_type(name):
     for kind, close in ((float, 1e-14), (mpf, mpf(10) ** -50), (lambda x: np.array([float(x), 0.5]), 1e-14)):
         values, constants = tuple(map(kind, q)), given.constants(kind)
         for formula, others in (("grad_V", constants), ("grad_T", ())):
-            pairs = zip(
-                getattr(given, formula)(values, *others), getattr(derived, formula)(values, *others), strict=True
-            )
+            pairs = zip(*(getattr(one, formula)(values, *others) for one in (given, derived)), strict=True)
             assert all(np.all(abs(a - b) <= close * abs(a)) for a, b in pairs)
     numbers = tuple(Multiprecision(Decimal(x)) for x in q)
     parameters = given.constants(Constant)

@@ -1,7 +1,5 @@
 """Masses and mass matrices: the kinetic energies that they make, normal modes, Nystrom methods, what is refused."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from fractions import Fraction

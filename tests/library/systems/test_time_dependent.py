@@ -1,7 +1,5 @@
 """Potentials that depend on time: a driven oscillator in closed form, orders, derivatives, what is refused."""
 
-from __future__ import annotations
-
 from math import log2
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """Families of methods: equations, projection, modified kicks, and digits that are proved in exact arithmetic."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from itertools import combinations
 from math import factorial
@@ -117,21 +115,14 @@ def test_residuals_and_slopes_of_arrays_are_those_of_each_point(family):
 @pytest.mark.parametrize(
     ("name", "conditions"),
     [
-        ("babs7o7h", {"harmonic_order": 7}),
-        ("aba864", {"generalised_order": (8, 6, 4)}),
-        ("aba1064", {"generalised_order": (10, 6, 4)}),
-        ("srkn_b11", {"order": 6}),
-        ("srkn_a14", {"order": 6}),
-        ("babs8o6_7h", {"order": 6, "harmonic_order": 7}),
-        ("abas11o6_8h", {"order": 6, "harmonic_order": 8}),
-        ("teloy_8a17b", {"order": 8}),
-        ("srkn_a18", {"order": 8}),
-        ("teloy_8a17a", {"order": 8, "potential_degree": 3}),
-        ("srkn_b17", {"order": 8, "potential_degree": 4}),
-        ("omelyan_g5o6", {"order": 6, "squares": (0, 1, 2)}),
-        ("chin_4a", {"squares": (1,)}),
+        ("babs7o7h", {"harmonic_order": 7}), ("aba864", {"generalised_order": (8, 6, 4)}),
+        ("aba1064", {"generalised_order": (10, 6, 4)}), ("srkn_b11", {"order": 6}), ("srkn_a14", {"order": 6}),
+        ("babs8o6_7h", {"order": 6, "harmonic_order": 7}), ("abas11o6_8h", {"order": 6, "harmonic_order": 8}),
+        ("teloy_8a17b", {"order": 8}), ("srkn_a18", {"order": 8}),
+        ("teloy_8a17a", {"order": 8, "potential_degree": 3}), ("srkn_b17", {"order": 8, "potential_degree": 4}),
+        ("omelyan_g5o6", {"order": 6, "squares": (0, 1, 2)}), ("chin_4a", {"squares": (1,)}),
     ],
-)
+)  # fmt: skip
 def test_published_methods_meet_the_equations(name, conditions):
     tableau = nh.integrators[name]
     family = Family(stages=tableau.stages, first=tableau.first, **conditions)

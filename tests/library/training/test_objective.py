@@ -1,7 +1,5 @@
 """Populations against plain loops, and the objective of a search."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

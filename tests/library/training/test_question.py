@@ -1,7 +1,5 @@
 """The request of ``tailor``: accepted arguments, starts, and the frequency of the orbit."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """A tailored method: its search, its gain on other starts, and its file."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from fractions import Fraction
 from functools import partial

@@ -1,7 +1,5 @@
 """Searches: where they begin, what descents end at, and that one seed gives one result."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -73,11 +71,9 @@ def test_best_shorter_method_is_extended_only_in_its_family():
     smaller = replace(FAMILY, stages=5)
     x = members(smaller, 1)[0]
     before = [
-        found(-9.0, [0.1] * 3, replace(FAMILY, stages=4)),
-        found(-2.0, x, smaller),
-        found(-9.0, x, replace(smaller, harmonic_order=5)),
-        found(-9.0, x, replace(smaller, first="drift")),
-    ]
+        found(-9.0, [0.1] * 3, replace(FAMILY, stages=4)), found(-2.0, x, smaller),
+        found(-9.0, x, replace(smaller, harmonic_order=5)), found(-9.0, x, replace(smaller, first="drift")),
+    ]  # fmt: skip
     starts = list(searching.starts_in(FAMILY, [], before, replace(EFFORT, random=0)))
     assert names(starts) == ["grown"] * 3
     assert [start.spread for start in starts] == [0.003, 0.01, 0.03]
@@ -156,13 +152,9 @@ def test_centres_of_refinements_are_different_members_in_turns():
 def test_equal_minimum_elsewhere_and_worse_one_here_are_different():
     findings = searching.Searcher(EFFORT, 1)
     findings.found = [
-        found(-1.0, [0.1, 0.2]),
-        found(-0.99, [0.11, 0.19]),
-        found(-0.99, [0.1, 0.3]),
-        found(-0.9, [0.1, 0.2]),
-        found(25.0, [np.nan, 0.2]),
-        found(-1.0, [0.1, 0.2], replace(FAMILY, harmonic_order=5)),
-    ]
+        found(-1.0, [0.1, 0.2]), found(-0.99, [0.11, 0.19]), found(-0.99, [0.1, 0.3]), found(-0.9, [0.1, 0.2]),
+        found(25.0, [np.nan, 0.2]), found(-1.0, [0.1, 0.2], replace(FAMILY, harmonic_order=5)),
+    ]  # fmt: skip
     assert findings.again == 2
     assert findings.trials == 6
     assert findings.best is findings.found[0]

@@ -1,7 +1,5 @@
 """The verdicts: their table and their sums; missing, damaged, small and odd results; the committed documents."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re

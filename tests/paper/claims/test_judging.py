@@ -1,7 +1,5 @@
 """Judging of statements: ranges of step sizes, slopes, margins, and statements on trained methods."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import xarray as xr
@@ -125,14 +123,11 @@ def test_several_things_hold_in_part_if_some_do(good, verdict):
 @pytest.mark.parametrize(
     ("parts", "verdict"),
     [
-        (["holds", "holds"], "holds"),
-        (["fails", "fails"], "fails"),
-        (["holds", "fails"], "holds in part"),
-        (["fails", "holds in part"], "holds in part"),
-        (["holds", "holds but for edges"], "holds but for edges"),
+        (["holds", "holds"], "holds"), (["fails", "fails"], "fails"), (["holds", "fails"], "holds in part"),
+        (["fails", "holds in part"], "holds in part"), (["holds", "holds but for edges"], "holds but for edges"),
         (["holds but for edges", "fails"], "holds in part"),
     ],
-)
+)  # fmt: skip
 def test_statement_of_parts_holds_or_fails_with_all_of_them(parts, verdict):
     assert combined(parts, "").verdict == verdict
 

@@ -1,7 +1,5 @@
 """A project with a finished result, made once a process, and others to compare it with."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """``nearharmonic compare``: a copy is identical, and each change made to it is found, where it was made."""
 
-from __future__ import annotations
-
 import csv
 import json
 import math

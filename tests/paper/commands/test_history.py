@@ -1,7 +1,5 @@
 """``nearharmonic history``: newest first, one result or all, one run in full, and runs under way."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

@@ -1,7 +1,5 @@
 """Random hostile files for each reader: an answer or one sentence, no traceback, no code is run, nothing hangs."""
 
-from __future__ import annotations
-
 import json
 import os
 import re
@@ -38,12 +36,9 @@ LIMIT = 60
 
 EVIL = "from pathlib import Path\n\nPath('ran').touch()\n"
 RECORD = (
-    "verify paper",
-    "history paper --full",
-    "show paper kepler ruth 50",
-    "compare paper copy",
+    "verify paper", "history paper --full", "show paper kepler ruth 50", "compare paper copy",
     "archive paper -o a.zip",
-)
+)  # fmt: skip
 
 
 @contextmanager

@@ -1,7 +1,5 @@
 """``nearharmonic runs``: cells of the cubes, compared with xarray: selection, sorting and limits."""
 
-from __future__ import annotations
-
 import csv
 import io
 import math

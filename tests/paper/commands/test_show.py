@@ -1,7 +1,5 @@
 """``nearharmonic show``: the requested run, its files, and Python code that reproduces its numbers."""
 
-from __future__ import annotations
-
 import json
 import re
 import shlex
@@ -24,13 +22,9 @@ def shown(capsys, *arguments):
 
 
 QUESTIONS = [
-    ("sho", "ruth", "0.006"),
-    ("sho", "babps9o7h", "0.0388", "--precision", "extended"),
-    ("sho", "ruth", "2.78"),
-    ("henon_heiles", "babps9o7h", "0.7"),
-    ("kepler", "babps9o7h", "159"),
-    ("kepler", "ruth", "10", "--per-stage"),
-]
+    ("sho", "ruth", "0.006"), ("sho", "babps9o7h", "0.0388", "--precision", "extended"), ("sho", "ruth", "2.78"),
+    ("henon_heiles", "babps9o7h", "0.7"), ("kepler", "babps9o7h", "159"), ("kepler", "ruth", "10", "--per-stage"),
+]  # fmt: skip
 
 
 @pytest.mark.slow

@@ -1,7 +1,5 @@
 """Results never run code: files that a result names are run only if the user's command line names them too."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import shlex

@@ -1,7 +1,5 @@
 """``nearharmonic verify`` and ``nearharmonic adopt``: words, JSON and exit status."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

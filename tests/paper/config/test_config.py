@@ -1,7 +1,5 @@
 """Configs: defaults, and a schema that documents itself; tests/library/bad_input has the refusals."""
 
-from __future__ import annotations
-
 import copy
 import re
 from decimal import Decimal

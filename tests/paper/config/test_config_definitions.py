@@ -1,7 +1,5 @@
 """Systems and integrators from files in a config or a path: their definitions, and refusals."""
 
-from __future__ import annotations
-
 import copy
 import json
 import os
@@ -165,9 +163,8 @@ def test_file_imports_its_own_neighbouring_modules(folder):
     for name, value in (("one", "0.25"), ("two", "0.75")):
         (folder / name).mkdir()
         (folder / name / "common.py").write_text(f"STRENGTH = '{value}'\n")
-        text = WELL.replace('value="0.1"', "value=STRENGTH").replace(
-            "from near", "from common import STRENGTH\nfrom near", 1
-        )
+        text = WELL.replace('value="0.1"', "value=STRENGTH")
+        text = text.replace("from near", "from common import STRENGTH\nfrom near", 1)
         (folder / name / "well.py").write_text(text)
     assert [load_system(f"{name}/well.py").parameters["b"].value for name in ("one", "two")] == ["0.25", "0.75"]
     (folder / "one/common.py").write_text("STRENGTH = '0.125'\n")
@@ -245,9 +242,8 @@ def test_job_refuses_file_that_has_changed_since_it_was_planned(folder):
 
 def test_settings_tell_what_a_config_defines_and_make_it_again():
     load(changed(q0=["3", "0"]))
-    told = json.loads(
-        settings_text(task("nearharmonic.engine.trajectory:warm_up", system="mine", integrator="five_leapfrogs"))
-    )
+    warmed = task("nearharmonic.engine.trajectory:warm_up", system="mine", integrator="five_leapfrogs")
+    told = json.loads(settings_text(warmed))
     with nh.systems.defining({}), nh.integrators.defining({}), defined(read_definitions(told["definitions"])):
         assert nh.systems["mine"].q0 == ("3", "0")
         assert nh.integrators["five_leapfrogs"].stages == 5
@@ -318,13 +314,9 @@ def test_file_without_valid_system_is_refused_before_any_job(folder, content, sa
 @pytest.mark.parametrize("key", ["file", "system", "label", "q0", "p0", "energy", "parameters", "split"])
 def test_registered_system_is_unchanged_under_its_own_name(key):
     value = {
-        "q0": ["1", "0"],
-        "p0": ["0", "1"],
-        "parameters": {"GM": "1"},
-        "energy": "0.1",
-        "file": "quartic_well.py",
+        "q0": ["1", "0"], "p0": ["0", "1"], "parameters": {"GM": "1"}, "energy": "0.1", "file": "quartic_well.py",
         "split": "exact_oscillator",
-    }.get(key, "kepler")
+    }.get(key, "kepler")  # fmt: skip
     source = {"file": "file: quartic_well.py", "system": "system: kepler"}.get(key, f"system: kepler, {key}: ...")
     remedy = f"taken as it is: write it under another name, as own_kepler: {{{source}, tau_per_stage: ...}}"
     with refused(f"systems.kepler.{key} = {value!r} is not allowed: kepler is a registered system, {remedy}"):

@@ -1,7 +1,5 @@
 """The default method of docs/start/choosing.md: its energy errors, by a loop of numpy over printed digits."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Generated parts of pages: small inputs give the lines that they should; what is cheap to make stands in the pages."""
 
-from __future__ import annotations
-
 import re
 from functools import partial
 from html import unescape

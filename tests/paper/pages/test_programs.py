@@ -1,7 +1,5 @@
 """Programs, commands and files that pages show: they print, write and check what the pages say."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import json

@@ -1,7 +1,5 @@
 """Reference and developers' pages: lists, generated pages, the map and the version are those of the code."""
 
-from __future__ import annotations
-
 import contextlib
 import inspect
 import io

@@ -1,7 +1,5 @@
 """The archive of a result: what it holds, its descriptions, its reproducibility, and reasons for refusal."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os
@@ -255,13 +253,11 @@ def test_deposit_says_what_the_crate_and_the_citation_file_say(whole):
 def test_people_are_creators_and_articles_have_their_address():
     people = [
         {
-            "family-names": "Noether",
-            "given-names": "Emmy",
-            "affiliation": "Göttingen",
+            "family-names": "Noether", "given-names": "Emmy", "affiliation": "Göttingen",
             "orcid": "https://orcid.org/0-1",
         },
         {"family-names": "Störmer", "given-names": "Carl"},
-    ]
+    ]  # fmt: skip
     article = {"title": "Some", "authors": [], "year": 1918, "url": "https://doi.org/10.1000/1"}
     cited = description.citation() | {"authors": people, "references": [article]}
     deposit = json.loads(description.zenodo(description.Archive("little", HISTORY, 0, cited)))

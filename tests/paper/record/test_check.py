@@ -1,7 +1,5 @@
 """Damaged archives: every changed bit is found, no check hangs, and each fault is a sentence."""
 
-from __future__ import annotations
-
 import io
 import json
 import os
@@ -152,16 +150,10 @@ def undescribed(contents):
         (lambda contents: [*contents, ("LICENSE", b"none")], ["LICENSE is in the archive 2 times"]),
     ],
     ids=[
-        "changed",
-        "missing",
-        "preview without metadata",
-        "preview of others",
-        "undescribed",
-        "escape sequence",
-        "extra",
-        "twice",
+        "changed", "missing", "preview without metadata", "preview of others", "undescribed", "escape sequence",
+        "extra", "twice",
     ],
-)
+)  # fmt: skip
 def test_fault_is_found_under_a_seal_that_is_right(place, change, says):
     sealed_again(place, change)
     assert faults_of_archive(place) == says

@@ -1,7 +1,5 @@
 """Relative differences, against exact fractions; datasets of unlike coordinates; columns of tables."""
 
-from __future__ import annotations
-
 import math
 import re
 from fractions import Fraction

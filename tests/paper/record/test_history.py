@@ -1,7 +1,5 @@
 """The history: a sealed line a run, chained; killed runs are closed by the next start; no damage hides a run."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import platform

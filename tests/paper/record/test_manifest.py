@@ -1,7 +1,5 @@
 """The manifest: every file as its job wrote it; files changed without a job are reported and never accepted."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

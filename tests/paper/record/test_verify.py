@@ -1,7 +1,5 @@
 """Verification: every flipped bit, every missing and extra file, other code and other coefficients."""
 
-from __future__ import annotations
-
 import json
 import random
 
@@ -14,12 +12,9 @@ from nearharmonic_paper.tasks.provenance import Receipt, task
 
 TASK = task("nearharmonic_paper.experiments.paper.run:integrate", system="sho", integrator="ruth")
 FILES = {
-    "runs/sho/ruth/0.h5": b"trajectory",
-    "cubes/sho.h5": b"numbers",
-    "tables/t.csv": b"a,b\n1,2\n",
-    "figures/f.png": b"\x89PNG",
-    "report.html": b"<html></html>",
-}
+    "runs/sho/ruth/0.h5": b"trajectory", "cubes/sho.h5": b"numbers", "tables/t.csv": b"a,b\n1,2\n",
+    "figures/f.png": b"\x89PNG", "report.html": b"<html></html>",
+}  # fmt: skip
 
 
 @pytest.fixture
@@ -81,9 +76,8 @@ def test_a_missing_manifest_is_a_fault(results):
     (results / "manifest.json").unlink()
     (found,) = faults(results)
     assert (found.file, found.says) == ("manifest.json", "does not exist")
-    assert found.mend == "Make it again: snakemake -j2 --configfile config/smoke.yaml --force " + str(
-        results / "report.html"
-    )
+    command = f"snakemake -j2 --configfile config/smoke.yaml --force {results / 'report.html'}"
+    assert found.mend == f"Make it again: {command}"
 
 
 def edit(results, **changes):

@@ -1,7 +1,5 @@
 """The record of a run: its fingerprint; failures are warnings, and damaged files are set aside."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess
@@ -120,9 +118,8 @@ def test_a_table_that_cannot_be_read_is_a_warning(run, capsys):
 def test_changed_files_are_told(run, capsys):
     make("cubes/a.h5", "a").write_text("something else")
     run.end(0)
-    assert capsys.readouterr().err == (
-        "nearharmonic: warning: changed since their jobs wrote them: cubes/a.h5 in results/smoke\n"
-    )
+    told = "nearharmonic: warning: changed since their jobs wrote them: cubes/a.h5 in results/smoke\n"
+    assert capsys.readouterr().err == told
 
 
 def test_damaged_file_and_what_is_made_from_it_are_aside_until_the_end(run):

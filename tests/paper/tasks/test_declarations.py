@@ -1,7 +1,5 @@
 """Figures of two experiments beside each other: each has files and targets of its own, and its own function."""
 
-from __future__ import annotations
-
 import pytest
 
 from nearharmonic_paper.tasks import experiment

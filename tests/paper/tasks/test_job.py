@@ -1,7 +1,5 @@
 """Jobs: their logs hold all that they print, and on other computers they are believed only whole."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Records with odd types: each is refused with the name of its key, whatever its seal says."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

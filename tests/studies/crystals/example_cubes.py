@@ -1,7 +1,5 @@
 """Cubes that each figure of the experiment is drawn from by the tests of all figures, and variables that stay."""
 
-from __future__ import annotations
-
 import numpy as np
 import xarray as xr
 
@@ -50,9 +48,6 @@ def crystals(methods):
 
 
 EXAMPLES = {
-    "crystals_error": (crystals, ()),
-    "crystals_map": (crystals, ()),
-    "crystals_phonons": (crystals, ()),
-    "crystals_gain": (crystals, ()),
-    "crystals_long_runs": (crystals, ()),
-}
+    "crystals_error": (crystals, ()), "crystals_map": (crystals, ()), "crystals_phonons": (crystals, ()),
+    "crystals_gain": (crystals, ()), "crystals_long_runs": (crystals, ()),
+}  # fmt: skip

@@ -1,7 +1,5 @@
 """Crystals: energies, forces and phonons against published numbers, loops against independent ones, leaders."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

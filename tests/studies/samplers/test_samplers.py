@@ -1,7 +1,5 @@
 """Samplers: targets, exact Gaussians, chains, effective samples and gains, against closed forms and other programs."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import mpmath
@@ -55,9 +53,8 @@ def test_posteriors_have_the_published_means_and_squares(name):
         warm = targets.run(target, loop, nh.integrators["leapfrog"], 0.2, 1.0, target.start(Normal([8, k])),
                    targets.chance(Normal([9, k]), 500, target.dimension))  # fmt: skip
         drawn = targets.chance(Normal([10, k]), 3000, target.dimension)
-        means.append(
-            targets.run(target, loop, nh.integrators["bcss_s4"], 1.0, 2.0, warm.last, drawn).observed.mean(axis=0)
-        )
+        sampled = targets.run(target, loop, nh.integrators["bcss_s4"], 1.0, 2.0, warm.last, drawn)
+        means.append(sampled.observed.mean(axis=0))
     published = [*reference.mean.values(), *reference.square.values()]
     values, errors = np.array(published).T
     own = np.std(means, axis=0, ddof=1) / 8**0.5
@@ -69,9 +66,8 @@ def test_tuning_finds_the_least_of_the_grid():
     """On a posterior of three parameters the smallest step of the grid is never the best."""
     target, settings = MADE["mesquite"](0), SamplersSettings(points=3, tuning=100, chains=8)
     starts = [target.start(Normal([3, k])) for k in range(8)]
-    (place,) = tuned(
-        target, targets.loop_for(target), {"leapfrog": nh.integrators["leapfrog"]}, starts, settings
-    ).values()
+    methods = {"leapfrog": nh.integrators["leapfrog"]}
+    (place,) = tuned(target, targets.loop_for(target), methods, starts, settings).values()
     assert place.tau > 0.15 / target.highest
     assert place.length in target.lengths
 
@@ -147,9 +143,8 @@ def test_as_many_lags_are_formed_as_the_sums_need():
         found, every = targets.enough(chains), targets.covariances(chains)
         assert (found.shape[1] < every.shape[1]) == fewer
         for kept in (slice(None), slice(1, None), slice(0, -1)):
-            assert targets.time_of(found[kept].mean(axis=0)) == pytest.approx(
-                targets.time_of(every[kept].mean(axis=0)), rel=1e-12
-            )
+            one, other = (targets.time_of(times[kept].mean(axis=0)) for times in (found, every))
+            assert one == pytest.approx(other, rel=1e-12)
 
 
 @pytest.mark.slow

@@ -1,7 +1,5 @@
 """The search for order six: equations and criterion against other modules, known methods found again, tables."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import factorial
 
@@ -187,9 +185,8 @@ def test_harmonic_errors_are_those_of_the_step_matrix(name):
     # Terms in tau^7, tau^9 and tau^11 of the matrix by finite differences: its entries are polynomials in tau, sampled
     # where what lies beyond is 1e-40 of them.
     tableau = integrators[name]
-    (candidate,) = search.candidates_of(
-        equations_of(tableau), np.array([[float(x) for x in unknowns_of(tableau)]]), [0]
-    )
+    point = np.array([[float(x) for x in unknowns_of(tableau)]])
+    (candidate,) = search.candidates_of(equations_of(tableau), point, [0])
     with mp.workdps(200):
         odd = range(1, 2 * tableau.stages + 2, 2)
         taus = [mpf(k + 1) / 8 for k in range(len(odd))]

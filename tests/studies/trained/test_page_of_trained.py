@@ -1,7 +1,5 @@
 """Figures of the proof and of ideas show the numbers of their cubes, in the panels that the cubes say."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgb, to_rgba

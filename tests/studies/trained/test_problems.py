@@ -1,7 +1,5 @@
 """Problems of training and of the comparison: potentials, starts, units, and the distributions of draws."""
 
-from __future__ import annotations
-
 from math import cos, erf, exp, pi, sin, sqrt
 
 import numpy as np
@@ -124,9 +122,8 @@ def test_directions_fill_the_energy_surface_of_small_oscillations_evenly():
     frequencies = 2 * np.sin(pi * np.arange(1, problems.CHAIN_SITES + 1) / (2 * problems.CHAIN_SITES + 2))
     parts = np.concatenate([(start[:, 0] @ modes.T * frequencies) ** 2, (start[:, 2] @ modes.T) ** 2], axis=1)
     share = (parts / parts.sum(axis=1, keepdims=True)).mean(axis=0)
-    assert share == pytest.approx(
-        1 / (2 * problems.CHAIN_SITES), abs=4 * sqrt(2) / (2 * problems.CHAIN_SITES) / sqrt(2000)
-    )
+    expected = 1 / (2 * problems.CHAIN_SITES)
+    assert share == pytest.approx(expected, abs=4 * sqrt(2) * expected / sqrt(2000))
 
 
 def test_ring_of_toda_has_neither_momentum_nor_displacement_of_whole():

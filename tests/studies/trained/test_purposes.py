@@ -1,7 +1,5 @@
 """Purposes of training, the search of a purpose from seed to digits, and the methods that are registered."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from math import isclose

@@ -1,7 +1,5 @@
 """The comparison, the ideas and the long runs: known gains and intervals, errors against plain loops, tables."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from decimal import Decimal
 from fractions import Fraction
@@ -362,9 +360,8 @@ def test_table_has_row_and_equal_numbers_for_each_cell(tmp_path):
     for n, row in enumerate(rows):
         t, j = divmod(n, made.STRENGTHS)
         gains = {idea: row[idea] for idea in IDEAS}
-        assert (
-            row["ahead"] == values["leader"][t, j] == max(IDEAS, key=lambda idea: np.nan_to_num(gains[idea], nan=-99))
-        )
+        leader = max(IDEAS, key=lambda idea: np.nan_to_num(gains[idea], nan=-99))
+        assert row["ahead"] == values["leader"][t, j] == leader
         second = sorted(np.nan_to_num(list(gains.values()), nan=-99))[-2]
         assert row["lead"] == pytest.approx(gains[row["ahead"]] - second)
         assert np.isnan(row["trained"])
@@ -386,9 +383,8 @@ def henon_heiles_starts():
 
 def reduced(*methods, steps=2000):
     """Reductions of long runs on the Hénon-Heiles system, by method."""
-    variables = made.long_runs(
-        {"henon_heiles": henon_heiles_starts()}, [nh.integrators[name] for name in methods], steps
-    )
+    starts = {"henon_heiles": henon_heiles_starts()}
+    variables = made.long_runs(starts, [nh.integrators[name] for name in methods], steps)
     return reductions.long_reduction.of(assembled(variables, ("label", "step"), {}), over="problem").isel(system=0)
 
 
@@ -452,9 +448,8 @@ def test_gains_at_equal_time_use_measured_charge(monkeypatch, tmp_path):
     monkeypatch.setattr(times, "costs", lambda _, width: (2.0, 3.0) if width > 1 else (8.0, 1e-9))
     monkeypatch.setattr(times, "kind_of", lambda name: "trained" if name == "chin_4a" else "published")
     job.write(times.proof_measure(methods, SHORT)["run"], [str(tmp_path / "run.h5")], {})
-    job.write(
-        reductions.reduce_proof(methods, SHORT, str(tmp_path / "run.h5"))["cube"], [str(tmp_path / "cube.h5")], {}
-    )
+    cube = reductions.reduce_proof(methods, SHORT, str(tmp_path / "run.h5"))["cube"]
+    job.write(cube, [str(tmp_path / "cube.h5")], {})
     table = times.measure_times(str(tmp_path / "cube.h5"), methods, SHORT)["table"]
     rows = table.records()
     assert {(row["ns_lanes"], row["ns_single"], row["charge_lanes"]) for row in rows} == {(2.0, 8.0, 3.0)}

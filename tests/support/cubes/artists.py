@@ -1,7 +1,5 @@
 """Read back what a figure draws: lines by their data, legends by their texts, pixels by their place in the axes."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.lines import Line2D

@@ -4,8 +4,6 @@ The matrices are those of Machado, Oliveira and Fernandes (2009), doi:10.1109/TV
 RGB; CIELAB (1976) is that of the white D65.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.colors import to_rgb
 

@@ -3,8 +3,6 @@
 Labels are not the names that the package would give, so that a figure that ignores the cube's labels is noticed.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import xarray as xr
 

@@ -1,7 +1,5 @@
 """Read a page of results back: its elements, and the documents of its plots."""
 
-from __future__ import annotations
-
 import gzip
 import json
 import re

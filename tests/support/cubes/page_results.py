@@ -1,7 +1,5 @@
 """A small folder of results for the tests of the page, made by hand but for one static figure."""
 
-from __future__ import annotations
-
 import csv
 import json
 from zlib import crc32

@@ -1,7 +1,5 @@
 """Small cubes made by hand for the figures of the stress tests, as those of ``figure_cubes``."""
 
-from __future__ import annotations
-
 import numpy as np
 import xarray as xr
 
@@ -22,14 +20,11 @@ def traces(methods=METHODS):
     over = ("integrator", "gap")
     return xr.Dataset(
         {
-            "half_trace": (("integrator", "tau_per_stage"), trace),
-            "start": (over, edges[0]),
-            "end": (over, edges[1]),
-            "growth_per_step": (over, growth),
-            "growth_per_time": (over, growth / 7),
+            "half_trace": (("integrator", "tau_per_stage"), trace), "start": (over, edges[0]),
+            "end": (over, edges[1]), "growth_per_step": (over, growth), "growth_per_time": (over, growth / 7),
         },
         coords={**named(methods), "stages": ("integrator", np.arange(len(methods)) + 2), "tau_per_stage": tau},
-    )
+    )  # fmt: skip
 
 
 def amplitudes(methods=METHODS):

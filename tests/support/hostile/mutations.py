@@ -1,7 +1,5 @@
 """Random changes of documents, texts and HDF5 files, such as an attacker or a broken program makes."""
 
-from __future__ import annotations
-
 import json
 from copy import deepcopy
 

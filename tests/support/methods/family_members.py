@@ -1,7 +1,5 @@
 """Members of families of methods for tests."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from nearharmonic.training.family import Family

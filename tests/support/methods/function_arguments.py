@@ -1,7 +1,5 @@
 """Arguments for the functions of formulas, where they are hard to evaluate among them, and their values."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import gmpy2

@@ -1,7 +1,5 @@
 """Potentials of numba that several tests use, and systems of them."""
 
-from __future__ import annotations
-
 import numba
 import numpy as np
 

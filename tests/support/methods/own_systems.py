@@ -1,7 +1,5 @@
 """Systems that users might have written: a spring, one that is driven, and chains of any number of sites."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np
@@ -12,16 +10,9 @@ from nearharmonic.systems import System
 
 def spring(name="spring", **more):
     settings = {
-        "name": name,
-        "label": name,
-        "V": lambda q: q[0] * q[0] / 2,
-        "grad_V": lambda q: (q[0],),
-        "q0": ("1",),
-        "p0": ("0",),
-        "t_end": "20",
-        "units": {"q": "1", "p": "1", "t": "1", "energy": "1"},
-        "source": "Hooke",
-    }
+        "name": name, "label": name, "V": lambda q: q[0] * q[0] / 2, "grad_V": lambda q: (q[0],), "q0": ("1",),
+        "p0": ("0",), "t_end": "20", "units": {"q": "1", "p": "1", "t": "1", "energy": "1"}, "source": "Hooke",
+    }  # fmt: skip
     return System(**(settings | more))
 
 

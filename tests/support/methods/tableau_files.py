@@ -1,7 +1,5 @@
 """Files of coefficients from elsewhere, each with its source: published ones, those of libraries, and damaged ones."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Functions inside compiled code of JAX that count their evaluations at run time."""
 
-from __future__ import annotations
-
 import jax
 import numpy as np
 

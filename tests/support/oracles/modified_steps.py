@@ -3,8 +3,6 @@
 A potential is (masses, V', grad |V'|^2, V), functions of q and t in mpmath; |V'|^2 is the square by inverse masses.
 """
 
-from __future__ import annotations
-
 from mpmath import cos, mpf, sin, sqrt
 
 from support.oracles.multiprecision import applied, states_of

@@ -1,7 +1,5 @@
 """Methods for quadratic kinetic energy, taken apart for tests: equations and unknowns."""
 
-from __future__ import annotations
-
 from nearharmonic_studies.sixth_order.search import NystromEquations
 
 

@@ -1,7 +1,5 @@
 """Energy errors of one run, by a plain loop over the operators of each step in doubles: shares no code with kernels."""
 
-from __future__ import annotations
-
 import numpy as np
 
 

@@ -3,8 +3,6 @@
 A formula is a variable (its number), ("constant", exact decimal, literal), or (operation, operands...).
 """
 
-from __future__ import annotations
-
 from fractions import Fraction
 from math import floor
 

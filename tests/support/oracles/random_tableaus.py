@@ -1,7 +1,5 @@
 """Random palindromes whose rows sum to 1: any identity of the algebra has to hold for these, orders aside."""
 
-from __future__ import annotations
-
 from decimal import Decimal
 
 from hypothesis import strategies as st
@@ -21,6 +19,4 @@ def tableaus(draw):
     first = draw(st.sampled_from(["drift", "kick"]))
     outer, inner = rows
     drift, kick = (outer, inner) if first == "drift" else (inner, outer)
-    return Tableau(
-        name="random", label="random", order=1, first=first, kick=kick, drift=drift, source="random", digits=18
-    )
+    return Tableau(name="random", order=1, first=first, kick=kick, drift=drift, source="random", digits=18)

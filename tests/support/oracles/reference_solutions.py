@@ -1,7 +1,5 @@
 """Reference solutions that share no code with the package: matrices and Kepler's equation in mpmath."""
 
-from __future__ import annotations
-
 from mpmath import cos, eye, findroot, matrix, mpf, pi, sin, sqrt
 
 from support.oracles.word_series import operators_of

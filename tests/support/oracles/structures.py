@@ -1,7 +1,5 @@
 """Structure of single methods on single systems, as numbers with names."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """Steps from the decimals of a method, and written out in words, factor by factor, from the definition."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 LETTERS = {"A": {"A": 1}, "B": {"B": 1}, "C": {"BAB": 2, "ABB": -1, "BBA": -1}}

@@ -1,7 +1,5 @@
 """A config whose system and one of whose integrators are files, in a folder of its own."""
 
-from __future__ import annotations
-
 import copy
 from contextlib import contextmanager
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Computations that determine the bits of result files besides compiled kernels; as a program it prints digests."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import math

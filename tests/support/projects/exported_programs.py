@@ -1,7 +1,5 @@
 """Programs that an export writes: compiled, run, and what they print."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 from fractions import Fraction

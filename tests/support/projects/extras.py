@@ -1,7 +1,5 @@
 """Requirements of the package and of its extras, as pyproject.toml declares them."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from pathlib import Path

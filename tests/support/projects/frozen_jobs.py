@@ -1,7 +1,5 @@
 """Jobs of a target in the form in which a cluster gets them, as lines of JSON: rule, outputs, file if frozen."""
 
-from __future__ import annotations
-
 import json
 import sys
 

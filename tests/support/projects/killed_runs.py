@@ -20,11 +20,9 @@ from support.projects.workflow_project import Project
 RECORD = "nearharmonic_paper.record"
 #: Moments between the last job and the end of the record: the process kills itself where this function is called.
 MOMENTS = (
-    f"{RECORD}.manifest:write",
-    f"{RECORD}.history:append",
-    f"{RECORD}.history:unmark",
+    f"{RECORD}.manifest:write", f"{RECORD}.history:append", f"{RECORD}.history:unmark",
     f"{RECORD}.workflow_run:save",
-)
+)  # fmt: skip
 SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
 
 #: Runs Snakemake with the words after the first; a function that the first one names kills the process.

@@ -37,13 +37,8 @@ def _plain(files: Any) -> dict[str, list[str]]:
 if __name__ == "__main__":
     for job in planned(*sys.argv[1:]):
         told = {
-            "rule": job.name,
-            "input": list(job.input),
-            "inputs": _plain(job.input),
-            "output": list(job.output),
-            "outputs": _plain(job.output),
-            "log": list(job.log),
-            "params": dict(job.params.items()),
+            "rule": job.name, "input": list(job.input), "inputs": _plain(job.input), "output": list(job.output),
+            "outputs": _plain(job.output), "log": list(job.log), "params": dict(job.params.items()),
             "threads": job.threads,
-        }
+        }  # fmt: skip
         print(json.dumps(told, default=asdict))

@@ -1,7 +1,5 @@
 """All planned runs of some sweeps, and what the plan omits."""
 
-from __future__ import annotations
-
 from nearharmonic_paper.experiments.paper import run as plan
 
 

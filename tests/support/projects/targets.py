@@ -1,7 +1,5 @@
 """The files of each target on the tiny config, below results/tiny/, logs left out, as the experiments declare them."""
 
-from __future__ import annotations
-
 import re
 
 from nearharmonic.systems import systems

@@ -3,8 +3,6 @@
 The manifest and the history are written here, from the description of their format, not by the code that is tested.
 """
 
-from __future__ import annotations
-
 import json
 from contextlib import contextmanager
 from hashlib import sha256

@@ -1,7 +1,5 @@
 """Texts of this repository, and the numbers that they state."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -111,10 +111,7 @@ def even_orders_of_figure_2() -> Opinion:
 
 
 STATEMENTS: dict[str, Callable[[], Opinion]] = {
-    "eq-14-only-solution": only_solution_of_eq_14,
-    "eq-16-general": general_criteria_of_eq_16,
-    "table-3-inner-limit": inner_limit_of_table_3,
-    "bab-prime-leaves-q": bab_prime_leaves_q,
-    "fig-2-kappa-7": seventh_term_of_figure_2,
-    "fig-2-even-orders-meet": even_orders_of_figure_2,
-}
+    "eq-14-only-solution": only_solution_of_eq_14, "eq-16-general": general_criteria_of_eq_16,
+    "table-3-inner-limit": inner_limit_of_table_3, "bab-prime-leaves-q": bab_prime_leaves_q,
+    "fig-2-kappa-7": seventh_term_of_figure_2, "fig-2-even-orders-meet": even_orders_of_figure_2,
+}  # fmt: skip

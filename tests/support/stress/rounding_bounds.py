@@ -29,11 +29,9 @@ DISPLACEMENT = mpf(2) ** -90
 LINEAR = 1e-5
 #: Unit roundoff of moves and of sums, by precision and summation. A double-double operation is good to 5 * 2^-106.
 UNITS = {
-    ("double", "plain"): (2.0**-53, 2.0**-53),
-    ("double", "compensated"): (2.0**-53, 2.0**-104),
-    ("extended", "plain"): (2.0**-103, 2.0**-103),
-    ("extended", "compensated"): (2.0**-103, 2.0**-103),
-}
+    ("double", "plain"): (2.0**-53, 2.0**-53), ("double", "compensated"): (2.0**-53, 2.0**-104),
+    ("extended", "plain"): (2.0**-103, 2.0**-103), ("extended", "compensated"): (2.0**-103, 2.0**-103),
+}  # fmt: skip
 Terms = list[list[mpf]]
 
 

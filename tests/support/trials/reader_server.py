@@ -4,8 +4,6 @@ A request is a line of JSON on the standard input: a folder, questions, and the 
 line with the exit status of the fork, negative if a signal ended it; one that takes too long is ended by SIGALRM.
 """
 
-from __future__ import annotations
-
 import importlib
 import io
 import json

@@ -1,7 +1,5 @@
 """Dependencies: each imported package is declared, pinned and locked; only public names of others are used."""
 
-from __future__ import annotations
-
 import ast
 import re
 import sys

@@ -1,7 +1,5 @@
 """Imports: registries as packages, no loops, the library without the workflow, integrations without reductions."""
 
-from __future__ import annotations
-
 import ast
 import copy
 import importlib

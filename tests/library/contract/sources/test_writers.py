@@ -4,8 +4,6 @@ Those of HDF5 files and of figures have tests beside their own, in tests/library
 tests/library/plotting/test_style.py.
 """
 
-from __future__ import annotations
-
 import resource
 from contextlib import contextmanager
 

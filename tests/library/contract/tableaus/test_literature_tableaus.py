@@ -1,7 +1,5 @@
 """Methods from the literature: printed decimals, and published statements on the methods."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from fractions import Fraction
 from itertools import chain
@@ -174,13 +172,10 @@ def test_composition_of_leapfrogs_has_half_sums_of_its_weights_outside(name):
 @pytest.mark.parametrize(
     ("name", "left_out", "other"),
     [
-        ("pefrl", VANISHING, ()),
-        ("vefrl", VANISHING, ()),
-        ("omelyan_p5", VANISHING, ()),
-        ("omelyan_v5", VANISHING, ()),
-        ("efrl", (), VANISHING),
+        ("pefrl", VANISHING, ()), ("vefrl", VANISHING, ()), ("omelyan_p5", VANISHING, ()),
+        ("omelyan_v5", VANISHING, ()), ("efrl", (), VANISHING),
     ],
-)
+)  # fmt: skip
 def test_the_parameters_of_omelyan_make_the_error_norm_least(name, left_out, other):
     # A parameter rounded at 1e-16 leaves a slope of 1e-16 times the second derivative, which is below 100.
     tableau, split = integrators[name], len(half_rows(integrators[name])[0])

@@ -1,7 +1,5 @@
 """Methods with modified potentials, and asymmetric ones: proofs, integration, export and loading."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from decimal import Decimal, localcontext
 from math import isnan

@@ -1,7 +1,5 @@
 """Tableaus: validation on construction, single rounding of each coefficient, and digests."""
 
-from __future__ import annotations
-
 from dataclasses import FrozenInstanceError, replace
 from decimal import Decimal, localcontext
 from fractions import Fraction
@@ -18,15 +16,9 @@ from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY, Tableau, 
 from nearharmonic_paper.tasks.provenance import coefficients_digest
 
 LEAPFROG = {
-    "name": "leapfrog",
-    "label": "leapfrog",
-    "order": 2,
-    "first": "kick",
-    "kick": ("0.5", "0.5"),
-    "drift": ("1",),
-    "source": "Verlet (1967), doi:10.1103/PhysRev.159.98",
-    "digits": 76,
-}
+    "name": "leapfrog", "label": "leapfrog", "order": 2, "first": "kick", "kick": ("0.5", "0.5"), "drift": ("1",),
+    "source": "Verlet (1967), doi:10.1103/PhysRev.159.98", "digits": 76,
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(

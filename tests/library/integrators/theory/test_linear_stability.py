@@ -1,7 +1,5 @@
 """Stability gaps against closed forms, values known elsewhere, and a scan of the trace of the step matrix."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import pytest
@@ -22,9 +20,7 @@ def trace(tableau, tau):
 
 
 def symmetric(outer, inner):
-    return Tableau(
-        name="symmetric", label="symmetric", order=2, first="kick", kick=outer, drift=inner, source="here", digits=30
-    )
+    return Tableau(name="symmetric", order=2, first="kick", kick=outer, drift=inner, source="here", digits=30)
 
 
 @pytest.mark.parametrize("first", ["kick", "drift"])

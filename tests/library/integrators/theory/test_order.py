@@ -1,7 +1,5 @@
 """Orders and error norms of methods against closed forms and other people's methods."""
 
-from __future__ import annotations
-
 import random
 from decimal import Decimal, localcontext
 from fractions import Fraction
@@ -25,9 +23,7 @@ from support.oracles.reference_solutions import oscillator_step
 
 def method(name, first, outer, inner, digits, order=2):
     kick, drift = (outer, inner) if first == "kick" else (inner, outer)
-    return Tableau(
-        name=name, label=name, order=order, first=first, kick=kick, drift=drift, digits=digits, source="these tests"
-    )
+    return Tableau(name=name, order=order, first=first, kick=kick, drift=drift, digits=digits, source="these tests")
 
 
 LEAPFROGS = {first: method("leapfrog", first, ("0.5", "0.5"), ("1",), 50) for first in ("kick", "drift")}

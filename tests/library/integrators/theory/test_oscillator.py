@@ -1,7 +1,5 @@
 """Error terms and energy errors on the oscillator against closed forms, and Table 4."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import product
 from math import inf, prod

@@ -1,7 +1,5 @@
 """Tables 1 to 3 of the paper, recursion and closed sums, against products of 2x2 matrices of polynomials in tau."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """The derivation: conditions, elimination, search, simplex, families, and what is tabulated of them."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from dataclasses import replace

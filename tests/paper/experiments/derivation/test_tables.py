@@ -1,7 +1,5 @@
 """Each cell of the tables of the derivation, from handwritten results with different numbers."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace as Made
 
 import pytest

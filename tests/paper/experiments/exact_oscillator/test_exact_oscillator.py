@@ -1,7 +1,5 @@
 """The exact oscillator beside T + V: starts, crossings, cube and table against single runs and curves known by hand."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Lyapunov exponents, substeps, and panel D of Figure 6 beside its plane."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -68,9 +66,8 @@ def short():
     system = systems["henon_heiles"]
     problem = Problem(tangent_system(system), "babps8o7h", t_end=1, energy="none")
     found = chaos.lyapunov_exponents(system, problem, 20)
-    return {name: values for name, (_, values, _) in found.items()}, follow(
-        problem, chaos.TAU, chaos.ORBITS["paper"], 20
-    )[1]
+    followed = follow(problem, chaos.TAU, chaos.ORBITS["paper"], 20)[1]
+    return {name: values for name, (_, values, _) in found.items()}, followed
 
 
 def test_an_exponent_is_the_mean_growth_up_to_its_time(short):
@@ -232,9 +229,8 @@ def test_the_paths_are_those_of_steps_in_multiprecision(displaced_cube, run):
     marks = displaced_cube["iteration"][displaced_cube["iteration"] <= 60]
     largest = [error[begin:end].max() for begin, end in zip([0, *marks[:-1]], marks, strict=True)]
     for summation in (0, 1):
-        np.testing.assert_allclose(
-            displaced_cube["q_x"][run, summation, : marks.size], position[marks - 1], rtol=0, atol=1e-11
-        )
+        found = displaced_cube["q_x"][run, summation, : marks.size]
+        np.testing.assert_allclose(found, position[marks - 1], rtol=0, atol=1e-11)
         found = displaced_cube["block_max_energy_error"][run, summation, : marks.size]
         np.testing.assert_allclose(found, largest, rtol=0, atol=1e-11)
 

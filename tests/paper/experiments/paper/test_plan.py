@@ -1,7 +1,5 @@
 """The plan: grids, shards, steps, precision, reasons for omissions, and runs of an earlier config."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
@@ -220,7 +218,7 @@ def test_extended_precision_is_left_out_where_double_is_good_enough():
     """0.9 in 3000, 300, 30 and 3 steps: the error, tau^4/60 for Ruth, is below 1e-13 for the finest alone."""
     precisions = ("double", "extended")
     assert found(asked_of("sho", "ruth", "0.9", 1e-4, 0.1, precisions)) == {
-        ("extended", "runs in extended precision"): (3, 3 * (300 + 30 + 3)),
+        ("extended", "runs in extended precision"): (3, 3 * (300 + 30 + 3))
     }
 
 

@@ -1,7 +1,5 @@
 """Run files, their reductions, and the cubes of them."""
 
-from __future__ import annotations
-
 import json
 import math
 
@@ -101,9 +99,8 @@ def test_shards_read_from_files_make_one_cube_with_its_perihelion(tmp_path):
 def test_the_coordinate_tau_is_the_step_as_used():
     """[0, 5] takes 4, 2 and 1 steps of three times 0.4, 0.8 and 1.6."""
     (run,) = runs_of(sweep("sho", lowest=0.4, highest=1.6, points_per_decade=1 / math.log10(2)), "ruth", 0)
-    made = cube_of("sho", {"ruth": {"double": [numbers(runs_of_dataset(integrate_run(run), "sho"))]}}).sel(
-        precision="double"
-    )
+    found = numbers(runs_of_dataset(integrate_run(run), "sho"))
+    made = cube_of("sho", {"ruth": {"double": [found]}}).sel(precision="double")
     assert made.tau_per_stage.values.tolist() == [0.4, 0.8, 1.6]
     assert made.tau.values.tolist() == [[1.25, 2.5, 5.0]]
     assert made.steps.values.tolist() == [[4, 2, 1]]

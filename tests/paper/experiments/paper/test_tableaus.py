@@ -1,7 +1,5 @@
 """The paper's tables, the table of all methods, and methods with modified potentials."""
 
-from __future__ import annotations
-
 from math import inf, sqrt
 
 import matplotlib.pyplot as plt
@@ -89,9 +87,8 @@ def test_edges_of_stability_are_where_trace_of_step_passes_two(name):
     opens, closes, last = edges
     for edge, outwards in ((opens, 1), (closes, -1), (last, 1)):
         if edge != inf:
-            assert (
-                abs(half_trace(tableau, edge - outwards * near)) < 1 < abs(half_trace(tableau, edge + outwards * near))
-            )
+            inside, outside = (abs(half_trace(tableau, edge + way * near)) for way in (-outwards, outwards))
+            assert inside < 1 < outside
     assert opens <= last
     assert (closes == inf) == (opens == last)
     assert abs(mpf(row["stability limit per stage"]) - opens / tableau.stages) < mpf(10) ** -12
@@ -176,9 +173,7 @@ def test_role_that_modified_kick_does_not_have_has_no_terms():
     assert [bool(there["ruth", first]) for first in ("drift", "kick")] == [True, True]
     for name in METHODS[1:]:
         first = nh.integrators[name].first
-        assert {role: bool(there[name, role]) for role in ("drift", "kick")} == {
-            role: role == first for role in ("drift", "kick")
-        }
+        assert all(bool(there[name, role]) == (role == first) for role in ("drift", "kick"))
 
 
 def test_table_of_all_methods_omits_entries_for_any_kinetic_energy():

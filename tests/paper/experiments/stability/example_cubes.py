@@ -1,7 +1,5 @@
 """Cubes that each figure of the experiment is drawn from by the tests of all figures, and variables that stay."""
 
-from __future__ import annotations
-
 from support.cubes import stability_cubes as made
 
 EXAMPLES = {

@@ -1,19 +1,11 @@
 """Figures of the stress tests, read back from their artists and from the colours of the picture."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from matplotlib import colormaps
 from matplotlib.colors import to_hex
 
-from nearharmonic_paper.experiments.stability.figures import (
-    henon_heiles_stability,
-    kepler_stability,
-    kinetic_energy,
-    linear_stability,
-    rounding_growth,
-)
+from nearharmonic_paper.experiments.stability import figures
 from support.cubes import artists
 from support.cubes.figure_cubes import METHODS, TAU, label
 from support.cubes.stability_cubes import LOST, TURNED, amplitudes, ensembles, orbits, rounding, traces
@@ -40,10 +32,9 @@ def gaps(cube, name):
 
 def test_gaps_are_red_from_first_to_last_step_size():
     cube = traces()
-    for axes, name in zip(linear_stability(cube).axes, METHODS, strict=True):
-        _, *red = [
-            (artists.span(patch), patch.get_facecolor()) for patch in axes.patches
-        ]  # the first is the stable band
+    for axes, name in zip(figures.linear_stability(cube).axes, METHODS, strict=True):
+        _, *patches = axes.patches  # the first is the stable band
+        red = [(artists.span(patch), patch.get_facecolor()) for patch in patches]
         np.testing.assert_allclose([edges for edges, _ in red], gaps(cube, name), rtol=1e-15)
         assert all(np.argmax(colour[:3]) == RED for _, colour in red)
         (low, high), (bottom, top) = axes.get_xlim(), axes.get_ylim()
@@ -56,7 +47,7 @@ def test_gaps_are_red_from_first_to_last_step_size():
 def test_curves_are_half_trace_in_method_colour_and_exact_cosine():
     cube = traces()
     tau = cube.tau_per_stage.values
-    figure = linear_stability(cube)
+    figure = figures.linear_stability(cube)
     for axes, name, stages in zip(figure.axes, METHODS, (2, 3, 4), strict=True):
         trace = cube.half_trace.sel(integrator=name).values
         curves = [line for line in axes.get_lines() if line.get_marker() in ("None", "none")]
@@ -73,7 +64,7 @@ def test_curves_are_half_trace_in_method_colour_and_exact_cosine():
 
 
 def test_panel_title_names_method_first_edge_and_gap_growth():
-    titles = [axes.get_title(loc="left") for axes in linear_stability(traces()).axes]
+    titles = [axes.get_title(loc="left") for axes in figures.linear_stability(traces()).axes]
     assert titles == [
         r"label of ruth:  $\tau^*$ = 2.500000, for good",
         r"label of aba104:  $\tau^*$ = 2.625000, growth 2.5e-02",
@@ -86,7 +77,7 @@ def test_panel_title_names_method_first_edge_and_gap_growth():
 
 def test_panels_of_kinetic_energy_show_errors_by_step_and_over_ruth_by_amplitude():
     cube = amplitudes()
-    axes = kinetic_energy(cube).axes
+    axes = figures.kinetic_energy(cube).axes
     shown = [(f"amplitude {a}", TAU, cube.max_energy_error.sel(roles="own", amplitude=a)) for a in (0.031, 1.02)]
     for roles, title in (("own", r"error / Ruth's at $\tau/s$ = 0.07"), ("exchanged", "the same, T and V exchanged")):
         shown.append((title, cube.amplitude, cube.relative_error.sel(roles=roles)))
@@ -103,7 +94,7 @@ def test_panels_of_kinetic_energy_show_errors_by_step_and_over_ruth_by_amplitude
 def test_large_error_does_not_stretch_axes_of_kinetic_energy():
     cube = amplitudes()
     cube["max_energy_error"][:, :, 0, -1] = 1e7
-    assert [axes.get_ylim()[1] for axes in kinetic_energy(cube).axes[:2]] == [10, 10]
+    assert [axes.get_ylim()[1] for axes in figures.kinetic_energy(cube).axes[:2]] == [10, 10]
 
 
 # Both, and the growth of round-off
@@ -118,7 +109,7 @@ VARIABLES = (
 
 def test_rms_is_drawn_over_time_with_dashes_by_source():
     cube = rounding()
-    figure = rounding_growth(cube)
+    figure = figures.rounding_growth(cube)
     sources = artists.looks(figure.legends[1])
     assert list(sources) == ["plain", "compensated", "extended", "coefficients"]
     assert len({dashes for *_, dashes in sources.values()}) == 4
@@ -136,7 +127,7 @@ def test_rms_is_drawn_over_time_with_dashes_by_source():
 
 def test_grey_laws_have_brouwers_slopes_above_curve_centres():
     cube = rounding()
-    for axes, (variable, _, exponent) in zip(rounding_growth(cube).axes[:2], VARIABLES, strict=True):
+    for axes, (variable, _, exponent) in zip(figures.rounding_growth(cube).axes[:2], VARIABLES, strict=True):
         laws = axes.get_lines()[-3:]
         for source, law in zip(("plain", "compensated", "extended"), laws, strict=True):
             assert artists.slope(law) == pytest.approx(exponent, abs=1e-9)
@@ -148,16 +139,15 @@ def test_grey_laws_have_brouwers_slopes_above_curve_centres():
 
 def test_exponents_stand_in_row_of_their_method_with_their_intervals():
     cube = rounding()
-    figure = rounding_growth(cube)
+    figure = figures.rounding_growth(cube)
     markers = {source: marker for source, (_, marker, _, _) in artists.looks(figure.legends[1]).items() if marker}
     assert list(markers) == ["plain", "compensated", "extended"]
     assert len(set(markers.values())) == 3
     for axes, (variable, _, exponent) in zip(figure.axes[2:], VARIABLES, strict=True):
         found = {container[0].get_xdata()[0]: container for container in axes.containers}
         assert len(found) == 3 * len(METHODS)
-        assert axes is not figure.axes[2] or artists.ticks(axes.yaxis) == {
-            label(name): row for row, name in enumerate(METHODS)
-        }
+        rows = {label(name): row for row, name in enumerate(METHODS)}
+        assert axes is not figure.axes[2] or artists.ticks(axes.yaxis) == rows
         for row, name in enumerate(METHODS):
             heights = []
             for source, marker in markers.items():
@@ -200,7 +190,7 @@ def shade(colours, value, low, high):
 @pytest.fixture(scope="module")
 def henon_heiles():
     cube = ensembles()
-    figure = henon_heiles_stability(cube)
+    figure = figures.henon_heiles_stability(cube)
     return cube, figure, [axes for axes in figure.axes if axes.images], artists.pixels(figure)
 
 
@@ -235,7 +225,7 @@ def test_energies_are_fractions_in_strip_of_named_method(henon_heiles):
 def test_white_edged_line_is_at_first_linear_limit_inside_map():
     cube = ensembles()
     cube["linear_limit"] = ("integrator", [0.27, 0.56, 0.35])
-    figure = henon_heiles_stability(cube)
+    figure = figures.henon_heiles_stability(cube)
     maps = [axes for axes in figure.axes if axes.images]
     colour = artists.look(artists.entries(figure.legends[0])["first linear limit"][0])
     assert colour[1] is None
@@ -271,7 +261,7 @@ def assert_decades(limits, places, lowest, images):
 def kepler():
     cube = orbits()
     cube["evaluations_for_contour"] *= np.nan  # no white line over the cells
-    figure = kepler_stability(cube)
+    figure = figures.kepler_stability(cube)
     return cube, figure, artists.pixels(figure)
 
 
@@ -319,7 +309,7 @@ def test_map_colour_bars_and_legends_explain_colours(kepler):
 
 def test_white_map_line_is_method_contour_on_energy_map_only():
     cube = orbits()
-    energy, advance, _ = kepler_stability(cube).subfigs
+    energy, advance, _ = figures.kepler_stability(cube).subfigs
     for axes, name in zip(maps_of(energy), METHODS, strict=True):
         contour = artists.line_of(axes, cube.evaluations_for_contour.sel(integrator=name), 1 - cube.eccentricity)
         assert artists.look(contour) == ("#ffffff", None, None, artists.SOLID)
@@ -330,7 +320,7 @@ def test_white_map_line_is_method_contour_on_energy_map_only():
 @pytest.mark.slow
 def test_panel_c_shows_contour_of_each_method_named_in_legend():
     cube = orbits()
-    part = kepler_stability(cube).subfigs[2]
+    part = figures.kepler_stability(cube).subfigs[2]
     (axes,) = part.axes
     for name in METHODS:
         (contour,) = artists.lines_of(axes, cube.evaluations_for_contour.sel(integrator=name), 1 - cube.eccentricity)

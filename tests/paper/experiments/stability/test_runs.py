@@ -1,7 +1,5 @@
 """Runs of the stress tests against single runs, multiprecision, other units, and data with known answers."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from fractions import Fraction
 from math import atan2, hypot, log, pi, sqrt
@@ -22,21 +20,12 @@ from nearharmonic.integrators import BENCHMARKED, integrators
 from nearharmonic.numerics.portable import quasi_random
 from nearharmonic.output.store import assembled
 from nearharmonic.systems import systems
-from nearharmonic_paper.experiments.stability import run
+from nearharmonic_paper.experiments.stability import reductions, run
 from nearharmonic_paper.experiments.stability import run as conservation
 from nearharmonic_paper.experiments.stability import run as maps
 from nearharmonic_paper.experiments.stability import run as rounding
 from nearharmonic_paper.experiments.stability import settings as sizes
 from nearharmonic_paper.experiments.stability.reductions import OF_ROUNDING as reduction
-from nearharmonic_paper.experiments.stability.reductions import (
-    defect,
-    evaluations_below,
-    kepler_cube,
-    kinetic_energy_cube,
-    rotation_per_sample,
-    stacked,
-    tangent_map,
-)
 from nearharmonic_paper.experiments.stability.run import henon_heiles_surface, kepler_apoapsis
 from nearharmonic_paper.experiments.stability.run import kinetic_energy_measure as measure
 from support.oracles.multiprecision import trajectory
@@ -151,7 +140,7 @@ def test_cell_of_kepler_map_is_what_plain_integrator_finds(integrator):
         L, r = x * v - y * u, hypot(x, y)
         angles.append(atan2(-u * L - y / r, v * L - x / r) % (2 * pi))
     slope = np.polyfit(range(orbits + 1), angles, 1)[0]
-    assert rotation_per_sample(paths.q, paths.p)[0] == pytest.approx(slope, rel=1e-6)
+    assert reductions.rotation_per_sample(paths.q, paths.p)[0] == pytest.approx(slope, rel=1e-6)
 
 
 def test_units_of_orbit_and_those_of_mercury_give_same_error():
@@ -169,13 +158,13 @@ def test_units_of_orbit_and_those_of_mercury_give_same_error():
 @pytest.mark.parametrize("rate", [1e-9, -1e-3, 0.7, -1.5])
 def test_advance_is_rate_at_which_ellipse_is_turned(rate):
     x, y, _, _, u, v, _, _ = kepler_apoapsis(np.full(9, 0.3), rate * np.arange(9)).T
-    advance = rotation_per_sample(np.stack([x, y], -1)[None], np.stack([u, v], -1)[None])
+    advance = reductions.rotation_per_sample(np.stack([x, y], -1)[None], np.stack([u, v], -1)[None])
     assert advance[0] == pytest.approx(rate, rel=1e-12, abs=1e-15)
 
 
 def test_ellipse_that_turns_by_more_than_quarter_has_no_advance():
     x, y, _, _, u, v, _, _ = kepler_apoapsis(np.full(9, 0.3), 1.6 * np.arange(9)).T
-    assert np.isnan(rotation_per_sample(np.stack([x, y], -1)[None], np.stack([u, v], -1)[None])[0])
+    assert np.isnan(reductions.rotation_per_sample(np.stack([x, y], -1)[None], np.stack([u, v], -1)[None])[0])
 
 
 def test_orbits_that_are_not_run_would_err_less_than_floor():
@@ -191,7 +180,8 @@ def test_orbits_that_are_not_run_would_err_less_than_floor():
 
 
 def test_map_separates_lost_from_kept_orbits_and_circles_from_ellipses():
-    result = kepler_cube(stacked(["ruth"], [dataset(maps.kepler_measure("ruth", MAP))])).isel(integrator=0)
+    measured = dataset(maps.kepler_measure("ruth", MAP))
+    result = reductions.kepler_cube(reductions.stacked(["ruth"], [measured])).isel(integrator=0)
     lost = np.isinf(result.energy_error)
     assert lost.any()
     assert (result.orbits_kept.where(lost, drop=True) < MAP.orbits).any()
@@ -208,12 +198,12 @@ def test_contour_of_power_law_is_where_algebra_puts_it():
     n = np.array([10.0, 30.0, 90.0, 300.0, 1000.0])
     error = np.stack([100 * n**-4, 1e9 * n**-4, np.where(n > 200, np.nan, 100 * n**-4)], axis=1)
     error[0, 0] = np.inf
-    found = [evaluations_below(n, column, 1e-6) for column in error.T]
+    found = [reductions.evaluations_below(n, column, 1e-6) for column in error.T]
     assert found[0] == pytest.approx(100, rel=1e-12)
     assert np.isnan(found[1])
     assert found[2] == pytest.approx(300, rel=1e-12)
     dip = np.array([1e-7, 1e-3, 1e-7, 1e-5, 1e-9])  # a dip below the level is not yet the end
-    assert evaluations_below(n, dip, 1e-6) == pytest.approx(300 * (10 / 3) ** 0.25, rel=1e-12)
+    assert reductions.evaluations_below(n, dip, 1e-6) == pytest.approx(300 * (10 / 3) ** 0.25, rel=1e-12)
 
 
 # --- Ensembles against single runs, other units, synthetic data with known answers, and an integrator written here.
@@ -274,9 +264,7 @@ def test_looks_measure_energy_only_at_their_instants():
 
 def test_all_escape_beyond_last_linear_limit_none_at_its_tenth():
     """Ruth's steps are unstable for good beyond tau = 1.573401947, of which the origin's neighbourhood knows all."""
-    start = np.concatenate(
-        [henon_heiles_surface(Fraction(1, 24), 100, 1), henon_heiles_surface(Fraction(1, 6), 100, 1)]
-    )
+    start = np.concatenate([henon_heiles_surface(Fraction(1, part), 100, 1) for part in (24, 6)])
     beyond = run.integrate_ensemble(nh.integrators["ruth"], Fraction("1.6"), Fraction(250), start, surfaces=2)
     assert beyond.escaped.tolist() == [1.0, 1.0]
     assert np.isinf(beyond.quantiles).all()
@@ -436,9 +424,8 @@ def tangent_in_multiprecision(system, tableau, tau, steps):
         ends = []
         for sign in (1, -1):
             moved = [x + sign * spacing * (i == j) for j, x in enumerate(start)]
-            q, p = trajectory(tableau, system, mpf(tau), steps, (moved[: len(moved) // 2], moved[len(moved) // 2 :]))[
-                -1
-            ]
+            half = len(moved) // 2
+            q, p = trajectory(tableau, system, mpf(tau), steps, (moved[:half], moved[half:]))[-1]
             ends.append([*q, *p])
         columns.append([float((a - b) / (2 * spacing)) for a, b in zip(*ends, strict=True)])
     return np.transpose(columns)
@@ -452,7 +439,7 @@ def test_the_tangent_map_is_that_of_multiprecision(monkeypatch, system, name):
     t_end = Fraction(problem.t_end) / 200
     monkeypatch.setattr(conservation, "EVALUATIONS", 25 * steps * tableau.stages)
     one = runs_of(problem, [tableau], 25 * t_end).isel(integrator=0, sample=steps)
-    J, scales = tangent_map(one.neighbour.values, one.neighbour_low.values, 2.0**-24), one.scale.values
+    J, scales = reductions.tangent_map(one.neighbour.values, one.neighbour_low.values, 2.0**-24), one.scale.values
     expected = tangent_in_multiprecision(problem, tableau, float(t_end / steps), steps) * scales / scales[:, None]
     # Doubles of coefficients and of the step are off by 1e-16 in each of a few hundred substeps.
     assert np.abs(np.array(J, dtype=float) - expected).max() < 1e-13 * np.abs(expected).max()
@@ -462,13 +449,13 @@ def test_the_tangent_map_is_that_of_multiprecision(monkeypatch, system, name):
     ("J", "expected"), [([[1, 0], [0, 1]], 0), ([[2, 5], [0, Fraction(1, 2)]], 0), ([[2, 0], [0, 1]], 1)]
 )
 def test_matrix_defect_in_one_dimension_is_that_of_determinant(J, expected):
-    assert defect(np.array(J, dtype=object)) == expected
+    assert reductions.defect(np.array(J, dtype=object)) == expected
 
 
 def test_the_defect_sees_degrees_of_freedom_that_are_mixed_up():
     # A turn of the positions alone: areas go from (q1, p1) to (q2, p1).
     J = [[0, 1, 0, 0], [-1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
-    assert defect(np.array(J, dtype=object)) == 1
+    assert reductions.defect(np.array(J, dtype=object)) == 1
 
 
 @pytest.mark.slow
@@ -527,7 +514,7 @@ def test_method_that_needs_quadratic_kinetic_energy_is_left_out():
 @pytest.fixture(scope="module")
 def cube():
     contents = measure(("ruth", "babs7o7h", "babps9o7h"))["run"]
-    return kinetic_energy_cube(assembled(contents.variables, contents.coordinates, {}))
+    return reductions.kinetic_energy_cube(assembled(contents.variables, contents.coordinates, {}))
 
 
 @pytest.mark.parametrize("amplitude", [0.01, 1.0])

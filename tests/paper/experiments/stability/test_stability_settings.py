@@ -1,7 +1,5 @@
 """The section of the stress tests: defaults, exact grids, and refusals that name key, value and what is allowed."""
 
-from __future__ import annotations
-
 import re
 from fractions import Fraction
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Cubes and tables of the stress tests: cells against closed forms, and rows from cubes made by hand."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from math import acosh, inf
 
@@ -16,22 +14,9 @@ from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.output.store import read
 from nearharmonic.systems import systems
+from nearharmonic_paper.experiments.stability import reductions
 from nearharmonic_paper.experiments.stability import settings as sizes
 from nearharmonic_paper.experiments.stability.reductions import OF_KINETIC_ENERGY as reduction
-from nearharmonic_paper.experiments.stability.reductions import (
-    henon_heiles_cube,
-    henon_heiles_table,
-    kepler_cube,
-    kepler_table,
-    kinetic_energy_table,
-    linear_stability_cube,
-    linear_stability_table,
-    rounding_cube,
-    rounding_table,
-    stacked,
-    structure_cube,
-    structure_table,
-)
 from nearharmonic_paper.experiments.stability.run import exchanged
 from nearharmonic_paper.tasks.job import covered, write
 from nearharmonic_paper.tasks.provenance import function_of, provenance, task
@@ -59,7 +44,7 @@ def half_trace(tableau, tau):
 
 
 def cells(tableau):
-    table = linear_stability_table([tableau])
+    table = reductions.linear_stability_table([tableau])
     return table.records()
 
 
@@ -67,15 +52,9 @@ def test_the_leapfrog_is_stable_up_to_two():
     (row,) = cells(LEAPFROG)
     growth = [row.pop(key) for key in ("largest growth per step", "at step size", "largest growth per time")]
     assert row == {
-        "integrator": "leapfrog",
-        "stages": 1,
-        "stable from": "0",
-        "stable to": "2.000000000000",
-        "stable to, per stage": "2.000000000000",
-        "known limit": "",
-        "unstable to": "inf",
-        "trace touches 2 at": "",
-    }
+        "integrator": "leapfrog", "stages": 1, "stable from": "0", "stable to": "2.000000000000",
+        "stable to, per stage": "2.000000000000", "known limit": "", "unstable to": "inf", "trace touches 2 at": "",
+    }  # fmt: skip
     assert growth[:2] == [inf, inf]
     # arcosh(tau^2/2 - 1)/tau, scanned: near its maximum it is flat, so that a grid of 1e-4 is good to 1e-8.
     assert growth[2] == pytest.approx(max(acosh(t * t / 2 - 1) / t for t in np.arange(2, 8, 1e-4)), rel=1e-7)
@@ -110,7 +89,7 @@ def test_each_interval_of_stability_ends_at_gap_with_its_growth(name):
 
 def test_cube_has_half_trace_over_step_size_per_stage():
     tableaus = [LEAPFROG, TWO, integrators["babps9o7h"]]
-    cube = linear_stability_cube(tableaus)
+    cube = reductions.linear_stability_cube(tableaus)
     tau = cube.tau_per_stage.values
     assert (tau[0], tau[-1], len(tau)) == (0, 2.4, 961)
     np.testing.assert_allclose(cube.half_trace.sel(integrator="leapfrog"), 1 - tau**2 / 2, atol=1e-14)
@@ -123,7 +102,7 @@ def test_cube_has_half_trace_over_step_size_per_stage():
 
 def test_cube_has_gaps_of_table_and_nothing_past_last():
     tableaus = [LEAPFROG, integrators["babps9o7h"]]
-    cube = linear_stability_cube(tableaus)
+    cube = reductions.linear_stability_cube(tableaus)
     for tableau in tableaus:
         one, rows = cube.sel(integrator=tableau.name), cells(tableau)
         for variable, column in (
@@ -155,7 +134,8 @@ FITTING = [("sho", name) for name in METHODS] + [("relativistic_oscillator", nam
 @pytest.mark.slow
 def test_a_number_stands_at_its_system_and_method():
     tableaus = [integrators[name] for name in METHODS]
-    cube = structure_cube(tableaus, {name: runs_of(systems[name], tableaus, t_end) for name, t_end in T_END.items()})
+    runs = {name: runs_of(systems[name], tableaus, t_end) for name, t_end in T_END.items()}
+    cube = reductions.structure_cube(tableaus, runs)
     assert [*cube] == KEYS
     for system, name in FITTING:
         alone = vars(structure(systems[system], integrators[name], t_end=T_END[system]))
@@ -168,10 +148,9 @@ def test_row_has_all_numbers_and_unfit_methods_have_none():
     steps = np.arange(320.0, 326).reshape(2, 3)
     steps[1, 1] = np.nan
     dims = ("system", "integrator")
-    cube = xr.Dataset(
-        {"return_error": (dims, steps / 7), "steps": (dims, steps)}, {"system": [*T_END], "integrator": METHODS}
-    )
-    table = structure_table(cube)
+    coordinates = {"system": [*T_END], "integrator": METHODS}
+    cube = xr.Dataset({"return_error": (dims, steps / 7), "steps": (dims, steps)}, coordinates)
+    table = reductions.structure_table(cube)
     assert table.header == ("system", "integrator", "return error", "steps")
     assert [row[:2] for row in table.rows] == FITTING
     assert [row[2:] for row in table.rows] == [(n / 7, n) for n in (320, 321, 322, 323, 325)]
@@ -260,17 +239,15 @@ def cube():
 
 
 def test_errors_are_relative_to_ruth_and_decline_to_least_amplitude(cube):
-    table = kinetic_energy_table(cube)
+    table = reductions.kinetic_energy_table(cube)
     assert table.header == (
         "integrator", "roles", "error / Ruth's at A = 0.01", "error / Ruth's at A = 0.3", "error / Ruth's at A = 1",
         "decline to A = 1",
     )  # fmt: skip
     assert table.rows == [
-        ("ruth", "own", 1.0, 1.0, 1.0, 1.0),
-        ("ruth", "exchanged", 2.0, 2.0, 2.0, 1.0),
-        ("babs7o7h", "own", 0.25, 1.0, 4.0, 16.0),
-        ("babs7o7h", "exchanged", 0.5, 4.0, 0.25, 0.5),
-    ]
+        ("ruth", "own", 1.0, 1.0, 1.0, 1.0), ("ruth", "exchanged", 2.0, 2.0, 2.0, 1.0),
+        ("babs7o7h", "own", 0.25, 1.0, 4.0, 16.0), ("babs7o7h", "exchanged", 0.5, 4.0, 0.25, 0.5),
+    ]  # fmt: skip
 
 
 def test_without_the_yardstick_there_are_no_ratios(cube):
@@ -292,7 +269,7 @@ QUANTILES = (0.05, 0.5, 0.95, 1.0)
 
 
 def cube_of(reduction, runs):
-    return reduction(stacked(list(runs), runs.values()))
+    return reduction(reductions.stacked(list(runs), runs.values()))
 
 
 def henon_heiles(shares):
@@ -313,21 +290,17 @@ def ensembles():
         "leapfrog": henon_heiles([[0, 0.01, 0.011, 0], [0.5, 0, 0, 0]]),
         "ruth": henon_heiles([[0, 0, 0, 0], [0, 0, 0.2, 0.1]]),
     }
-    return cube_of(henon_heiles_cube, runs)
+    return cube_of(reductions.henon_heiles_cube, runs)
 
 
 def test_row_has_largest_trusted_step_errors_and_share_of_limit(ensembles):
     """One percent is trusted; a loss ends it, though coarser steps lose none. Limits: 2, and 1.573401947 over 3."""
-    rows = {(row["integrator"], row["energy"]): row for row in henon_heiles_table(ensembles).records()}
+    rows = {(row["integrator"], row["energy"]): row for row in reductions.henon_heiles_table(ensembles).records()}
     assert rows["leapfrog", 0.125] == {
-        "integrator": "leapfrog",
-        "energy": 0.125,
-        "linear_limit_tau_per_stage": 2.0,
-        "tau_per_stage_escaped_up_to_0.01": 0.2,
-        "median_energy_error_there": 1.0,
-        "worst_energy_error_there": 2.0,
+        "integrator": "leapfrog", "energy": 0.125, "linear_limit_tau_per_stage": 2.0,
+        "tau_per_stage_escaped_up_to_0.01": 0.2, "median_energy_error_there": 1.0, "worst_energy_error_there": 2.0,
         "share_of_linear_limit": 0.1,
-    }
+    }  # fmt: skip
     ruth = rows["ruth", 0.125]
     assert ruth["linear_limit_tau_per_stage"] == pytest.approx(1.573401947 / 3, rel=1e-9)
     assert ruth["share_of_linear_limit"] == pytest.approx(0.4 * 3 / 1.573401947, rel=1e-9)
@@ -337,11 +310,12 @@ def test_row_has_largest_trusted_step_errors_and_share_of_limit(ensembles):
 
 def test_a_method_that_is_never_trusted_has_no_errors_there(ensembles):
     (row,) = [
-        r for r in henon_heiles_table(ensembles).records() if (r["integrator"], r["energy"]) == ("leapfrog", 1 / 6)
+        r
+        for r in reductions.henon_heiles_table(ensembles).records()
+        if (r["integrator"], r["energy"]) == ("leapfrog", 1 / 6)
     ]
-    assert np.isnan(
-        [v for k, v in row.items() if k not in {"integrator", "energy", "linear_limit_tau_per_stage"}]
-    ).all()
+    known = {"integrator", "energy", "linear_limit_tau_per_stage"}
+    assert np.isnan([v for k, v in row.items() if k not in known]).all()
 
 
 def test_kepler_evaluations_are_steps_times_stages_at_nearest_eccentricity():
@@ -354,11 +328,11 @@ def test_kepler_evaluations_are_steps_times_stages_at_nearest_eccentricity():
         {"q": states, "p": states, "energy_error": errors, "steps_per_orbit": ("tau_per_stage", steps, ONE)},
         coords={"tau_per_stage": [0.1, 0.001], "eccentricity": grid, "component": [0, 1]},
     )
-    cube = cube_of(kepler_cube, {"leapfrog": part, "babs7o7h": part})
+    cube = cube_of(reductions.kepler_cube, {"leapfrog": part, "babs7o7h": part})
     assert not {"q", "p", "sample", "component"} & set(cube.variables)
     assert cube.evaluations_per_orbit.sel(integrator="leapfrog").values.tolist() == [10, 1000]
     assert cube.evaluations_per_orbit.sel(integrator="babs7o7h").values.tolist() == [70, 7000]
-    first, second = kepler_table(cube).records()
+    first, second = reductions.kepler_table(cube).records()
     shown = {"e_0.000": 100, "e_0.210": 121, "e_0.520": 152, "e_0.790": 179, "e_0.900": 190, "e_0.960": 196,
              "e_0.990": 199}  # fmt: skip
     assert first == {"integrator": "leapfrog"} | {k: pytest.approx(v) for k, v in shown.items()}
@@ -387,8 +361,8 @@ def rounding(scale):
 
 def test_rounding_rows_have_power_law_final_rms_and_bias():
     """At t = 16: rms of energies 4 sqrt((1 + 9)/2) and mean |-1| 4; of lags 64 sqrt((4 + 16)/2) and 3 x 64."""
-    cube = cube_of(rounding_cube, {"leapfrog": rounding(1.0), "ruth": rounding(10.0)})
-    rows = {(r["integrator"], r["source"], r["quantity"]): r for r in rounding_table(cube).records()}
+    cube = cube_of(reductions.rounding_cube, {"leapfrog": rounding(1.0), "ruth": rounding(10.0)})
+    rows = {(r["integrator"], r["source"], r["quantity"]): r for r in reductions.rounding_table(cube).records()}
     assert len(rows) == 8
     for name, scale in (("leapfrog", 1), ("ruth", 10)):
         energy, lag = rows[name, "plain", "energy_error"], rows[name, "plain", "lag"]
@@ -410,7 +384,7 @@ def test_rounding_rows_have_power_law_final_rms_and_bias():
 
 
 def test_cube_of_one_method_has_times_of_each_method():
-    assert cube_of(rounding_cube, {"leapfrog": rounding(1.0)}).time.dims == ("integrator", "sample")
+    assert cube_of(reductions.rounding_cube, {"leapfrog": rounding(1.0)}).time.dims == ("integrator", "sample")
 
 
 def test_interval_of_exponent_is_jackknife_of_its_orbits():
@@ -425,7 +399,7 @@ def test_interval_of_exponent_is_jackknife_of_its_orbits():
         {"energy_error": (over, [errors], ONE), "lag": (over, [errors], ONE), "time": ("sample", [1.0, 4.0], ONE)},
         coords={"source": ["plain"]},
     )
-    first, _ = rounding_table(cube_of(rounding_cube, {"leapfrog": part})).records()
+    first, _ = reductions.rounding_table(cube_of(reductions.rounding_cube, {"leapfrog": part})).records()
     assert first["exponent"] == pytest.approx(np.log(4) / (2 * np.log(4)), rel=1e-14)
     assert first["interval_95"] == pytest.approx(4.302652729749462 * 2 / 3 * np.log(2.5) / (2 * np.log(4)), rel=1e-13)
 
@@ -449,7 +423,11 @@ SMALL = {
     ),
     "rounding": sizes.RoundingSettings(ensemble=3, steps=8000, evaluations_per_orbit=400, seed=1),
 }
-REDUCTIONS = {"henon_heiles": henon_heiles_cube, "kepler": kepler_cube, "rounding": rounding_cube}
+REDUCTIONS = {
+    "henon_heiles": reductions.henon_heiles_cube,
+    "kepler": reductions.kepler_cube,
+    "rounding": reductions.rounding_cube,
+}
 
 
 def results(function, inputs=None, **settings):
@@ -468,7 +446,7 @@ def test_cube_holds_runs_in_order_of_methods(tmp_path, name):
         write(made["run"], [paths[method]], origin)
     made, _ = results(f"reductions:{name}", paths, integrators=PAIR, settings=SMALL[name])
     cube = made["cube"]
-    expected = REDUCTIONS[name](stacked(PAIR, [read(paths[method]) for method in PAIR]))
+    expected = REDUCTIONS[name](reductions.stacked(PAIR, [read(paths[method]) for method in PAIR]))
     xr.testing.assert_equal(cube, expected)
     assert cube.integrator.values.tolist() == list(PAIR)
     assert cube.attrs == {}

@@ -1,7 +1,5 @@
 """Other libraries on equal systems: their equations and timed calls, and what is said of those that are missing."""
 
-from __future__ import annotations
-
 import ctypes
 import dataclasses
 import sys
@@ -60,9 +58,8 @@ def test_a_library_that_is_broken_says_how(monkeypatch, tmp_path):
 
 def test_all_solvers_are_timed_unless_the_config_names_libraries():
     assert WorkPrecisionSettings().solvers() == list(peers.PEERS)
-    assert WorkPrecisionSettings(peers=("heyoka",)).solvers() == [
-        n for n, p in peers.PEERS.items() if p.module == "heyoka"
-    ]
+    expected = [n for n, p in peers.PEERS.items() if p.module == "heyoka"]
+    assert WorkPrecisionSettings(peers=("heyoka",)).solvers() == expected
 
 
 def test_methods_in_numpy_end_where_the_matrix_power_ends():

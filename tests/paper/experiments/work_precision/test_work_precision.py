@@ -1,7 +1,5 @@
 """Run time against error: what is measured, tables of costs, comparisons with other libraries, and their figures."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 from fractions import Fraction
@@ -217,13 +215,10 @@ def rows_of(cube, names=("sho",)):
 def test_ratios_are_those_of_least_times_of_fastest_to_standard(cube):
     one, many = rows_of(cube)[:3], rows_of(cube)[3:]
     assert [(row["compared"], row["error"], row["method"]) for row in one + many] == [
-        ("one trajectory", "1e-06", label("ruth")),
-        ("one trajectory", "1e-09", label("babs7o7h")),
-        ("one trajectory", "1e-12", label("ruth")),
-        ("ensembles", "1e-06", label("babs7o7h")),
-        ("ensembles", "1e-09", label("babs7o7h")),
-        ("ensembles", "1e-12", label("ruth")),
-    ]
+        ("one trajectory", "1e-06", label("ruth")), ("one trajectory", "1e-09", label("babs7o7h")),
+        ("one trajectory", "1e-12", label("ruth")), ("ensembles", "1e-06", label("babs7o7h")),
+        ("ensembles", "1e-09", label("babs7o7h")), ("ensembles", "1e-12", label("ruth")),
+    ]  # fmt: skip
     assert [row["sums"] for row in one] == ["plain", "plain", "compensated"]
     # By hand, from the times above.
     assert [row["ratio"] for row in one] == pytest.approx([1 / 5, 3 / 6, 9 / 6], rel=1e-12)
@@ -295,12 +290,9 @@ def test_regularised_figure_has_column_for_each_system_with_its_original(tmp_pat
     energy, position = figure.axes
     known = looks(figure.legends[0])
     assert list(known) == [
-        "fastest method here, regularised",
-        "BAB's9o7H, regularised",
-        "fastest method here, original equations",
-        "heyoka (adaptive Taylor), original equations",
-        "heyoka, regularised equations",
-    ]
+        "fastest method here, regularised", "BAB's9o7H, regularised", "fastest method here, original equations",
+        "heyoka (adaptive Taylor), original equations", "heyoka, regularised equations",
+    ]  # fmt: skip
     for axes, factor in ((energy, 1), (position, 10)):
         errors = [factor * error for error in AT]
         assert look(line_of(axes, [1e-2, 1.1e-2, 1.2e-2], errors)) == known["heyoka, regularised equations"]

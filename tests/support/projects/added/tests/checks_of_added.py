@@ -1,7 +1,5 @@
 """Energy errors of one step of leapfrog, against exact arithmetic."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import pytest
