@@ -106,7 +106,7 @@ class Copy:
 
 @contextmanager
 def copied(*trees: Path) -> Iterator[list[Copy]]:
-    """Copy checkouts; this one runs with this Python, and others with that of their ``.venv``."""
+    """Copy checkouts; this one runs with this Python, and others with the Python of their ``.venv``."""
     with tempfile.TemporaryDirectory() as place:
         folders = [Path(place, str(number)) for number in range(len(trees))]
         for folder in folders:

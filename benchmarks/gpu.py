@@ -392,7 +392,7 @@ def everything(driver, functions, told, case, held):
 
 
 def on_all_cores(case, held):
-    """The same trajectories on the processor of this machine, 2**18 of them; nothing where this package is missing."""
+    """Run 2**18 of the trajectories on the processor of this machine; nothing where this package is missing."""
     try:
         import nearharmonic as nh
     except ImportError:

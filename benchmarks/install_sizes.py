@@ -29,11 +29,13 @@ PURPOSES = {
     "diffrax": "adapter for diffrax, with JAX",
     "blackjax": "adapter for BlackJAX, with JAX",
     "jax-md": "adapter for JAX MD, with JAX",
+    "gpu": "runs on a GPU of NVIDIA: the bindings of its driver",
     "peers": "other libraries, for comparisons of time",
     "docs": "this site",
     "test": "the tests",
     "browser": "tests in Chromium",
     "lint": "linters and types",
+    "ptx": "tests of the code for a GPU: the assembler of the CUDA compiler",
 }
 
 

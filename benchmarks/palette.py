@@ -1,4 +1,4 @@
-"""Colours and markers for methods that have none in ``nearharmonic.plotting.profile``, as that module has them.
+"""Colours and markers for methods that have none in ``nearharmonic.plotting.profile``, in its format.
 
 Run: ``python benchmarks/palette.py``, or with names of methods. A colour of a coarse grid has a contrast of at least
 3:1 with white. Beside the methods with the same marker, it is the one that the readers who see the least tell apart

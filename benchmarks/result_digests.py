@@ -1,4 +1,4 @@
-"""Digests of the numbers in a results folder, and their comparison with another's: did a change move a number?
+"""Digests of the numbers in a results folder, and their comparison with another folder.
 
     python benchmarks/result_digests.py results/smoke > before.json
     python benchmarks/result_digests.py results/smoke --against before.json

@@ -1,4 +1,4 @@
-"""Time of a step inside a loop of numba, beside that of a run and of a leapfrog written by hand.
+"""Times of a step inside a loop of numba, of a run, and of a leapfrog written by hand.
 
 Run: ``python benchmarks/stepper.py`` (half a minute); ``--page`` writes the table to ``docs/how_to/stepper.md``. Times
 are minima of calls that take turns on one core.

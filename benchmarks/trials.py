@@ -21,7 +21,7 @@ PAGE = "docs/developers/testing.md"
 
 
 def measured(quick: bool) -> dict[str, dict[str, int]]:
-    """Counts of each kind of cases: those of the tests that count their cases."""
+    """Counts of each kind of cases, from the tests that count their cases."""
     chosen = ["-m", f"not slurm and not browser{' and not long' if quick else ''}"]
     with tempfile.TemporaryDirectory() as folder:
         counts = Path(folder) / "trials.json"
@@ -30,7 +30,7 @@ def measured(quick: bool) -> dict[str, dict[str, int]]:
 
 
 def parts(counts: dict[str, dict[str, int]], quick: bool) -> dict[str, str]:
-    """The table of the page: that of the quick cases or that of all."""
+    """The table of the page, for the quick cases or for all."""
     rows = [(kind, one["tried"], one["tried"] - one["failed"], one["failed"]) for kind, one in counts.items()]
     table = pipes(["cases", "tried", "held", "failed"], rows, align="lr")
     return {"quick" if quick else "campaigns": "\n".join(table)}

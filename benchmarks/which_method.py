@@ -118,7 +118,7 @@ def measured() -> Table:
 
 
 def fewest(system: Any, t_end: str, place: Place, error: float) -> tuple[str, int, int, float]:
-    """Return the fewest steps below those of a run that meet the error, from which on all tried runs meet it."""
+    """Return the fewest steps, below a run's, from which on all tried runs meet the error."""
     tried = np.unique(np.linspace(place.steps / 1.15, place.steps, TRIED).round()).astype(int)
     runs = nh.sweep(system, place.method, [float(Fraction(t_end) / int(steps)) for steps in tried], t_end=t_end)
     misses = np.flatnonzero(~(runs.max_energy_error.values <= error))

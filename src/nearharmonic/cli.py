@@ -106,7 +106,7 @@ def _joined(words: Sequence[str]) -> list[str]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command with these words, by default those of the process.
+    """Run the command with these words, by default the words of the process.
 
     The exit status is 0 for yes, 1 for no, 2 for bad input with a message, 130 for an interrupt by the user.
     """

@@ -136,7 +136,7 @@ class Registry(Mapping[str, Entry]):
         return key if self._has(key) or not isinstance(key, str) else self._others.get(key, key)
 
     def entry(self, name: str) -> Entry:
-        """Return the entry of a name that the registry has, covered by digests or not: to select by what it is."""
+        """Return the entry of a registered name, covered by digests or not, for selection by its properties."""
         name = self.name_of(name)
         if name in self._definitions and name not in self._made:
             self._made[name] = self._definitions[name].make(name)
@@ -175,7 +175,7 @@ class Registry(Mapping[str, Entry]):
 
     @contextmanager
     def restricted(self, names: Collection[str], modules: Collection[str]) -> Iterator[None]:
-        """Refuse look-ups of entries other than ``names``, and those that ``modules`` declare, inside the block."""
+        """Refuse look-ups of entries other than ``names`` and the entries of ``modules``, inside the block."""
         self._covered = frozenset(names), frozenset(modules)
         try:
             yield

@@ -1,1 +1,1 @@
-"""The paper and its record: configs, experiments, statements, the page of results, and what is known of every run."""
+"""The paper and its record: configs, experiments, statements, the page of results, and the record of every run."""

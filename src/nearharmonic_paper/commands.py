@@ -67,11 +67,11 @@ def _verify(chosen: argparse.Namespace) -> Answer:
         files, size, not_run, others = extent(folder)
         notes = [f"{_counted(files, 'file')}, {size} bytes: each as its job wrote it, by this code"]
         if not_run:
-            says = "are those of their recorded code; to compute them: verify"
+            says = "are taken from their recorded code; to compute them: verify"
             trusting = " ".join(f"--trust {quote(file)}" for file in not_run)
             notes.append(f"coefficients of {', '.join(not_run)} {says} {trusting}")
         if others:
-            notes.append(f"{_counted(others, 'file')} of runs whose config was not that of the newest run")
+            notes.append(f"{_counted(others, 'file')} of runs with another config than the newest run")
     if number and found:
         notes.append("no run was integrated again, since there are faults")
     elif number:
@@ -80,7 +80,7 @@ def _verify(chosen: argparse.Namespace) -> Answer:
             says = f"{run.precision} run at tau_per_stage = {run.tau_per_stage:g} has other {', '.join(run.differs)}"
             mend = f"Make it again: {command_for(folder / run.file)}"
             found.append({"file": run.file, "fault": says, "mend": mend})
-        notes.append(f"{len(runs)} runs integrated again: {len(runs) - len(found)} have the same bits")
+        notes.append(f"{len(runs)} runs integrated again: {len(runs) - len(found)} are bitwise identical")
     return _faults(str(folder), found, notes)
 
 
@@ -88,7 +88,7 @@ def _verify_archive(path: Path) -> Answer:
     from nearharmonic_paper.record.archive import faults_of_archive
 
     found = [{"file": "", "fault": says, "mend": ""} for says in faults_of_archive(path)]
-    return _faults(str(path), found, [] if found else ["each file in the archive is as it was written"])
+    return _faults(str(path), found, [] if found else ["every file in the archive is unchanged since it was written"])
 
 
 def _faults(result: str, found: list[dict[str, Any]], notes: list[str]) -> Answer:
@@ -199,7 +199,7 @@ def _reproduce(chosen: argparse.Namespace) -> Answer:
 
 
 def put_into(folder: Path) -> None:
-    """Copy the files of the workflow that are not in ``folder``; those that are there stay as they are."""
+    """Copy the files of the workflow that ``folder`` lacks; files that it has stay as they are."""
     from nearharmonic.errors import bad_setting
     from nearharmonic.output.atomic import write_bytes
     from nearharmonic_paper.record.description import workflow_root
@@ -236,7 +236,7 @@ def _runs(chosen: argparse.Namespace) -> Answer:
         key = column_of(chosen.sort.removeprefix("-"), found)
         found = found.sort_values(str(key.name), ascending=key.name == chosen.sort, kind="stable")
     shown = found[:limit]
-    cut = "" if len(shown) == len(found) else f", of which {len(shown)} are shown"
+    cut = "" if len(shown) == len(found) else f", {len(shown)} shown"
     notes = [f"{len(found)} of {len(every)} runs{cut}"]
     for system in sorted(set(shown["system"])):
         told = [f"{name} in {units[system][name]}" for name in names if name in units[system]]
@@ -291,10 +291,10 @@ def _remarks(folder: Path, found: dict[str, Any], definitions: dict[str, Any]) -
     from nearharmonic_paper.record.history import doubts_in
 
     if "run file" not in found["files"]:
-        yield "The trajectory is not among the results: there is no run file that holds it."
+        yield "The results have no run file with this trajectory."
     file = definitions.get("systems", {}).get(found["run"]["system"], {}).get("file")
     if file is not None and not found["system_units"]:
-        yield f"The units of the system are those in {file}, Python code that this command does not run."
+        yield f"The units of the system are in {file}, whose code this command does not run."
     yield from doubts_in(folder)
     if not (folder / "manifest.json").exists():
         yield f"{folder} has no manifest.json, which would give the digests of its files."
@@ -330,7 +330,7 @@ def _compare(chosen: argparse.Namespace) -> Answer:
             "figure": figure,
         },
         status=1 if differences else 0,
-        caption=f"a: {a}, b: {b}: {_summary(differences, same)}",
+        caption=f"a = {a}, b = {b}: {_summary(differences, same)}",
         notes=[*notes, *doubts_in(a), *doubts_in(b)],
     )
 
@@ -345,7 +345,7 @@ def _summary(differences: list[Difference], same: bool) -> str:
     if numbers:
         largest = max(numbers, key=lambda one: one.relative or 0.0)
         told += f"; largest relative difference {largest.relative:.2g}, {largest.where}"
-    return f"the numbers are the same; {told} in what made them" if same else told
+    return f"identical numbers; {told} in what made them" if same else told
 
 
 def _row_of_difference(difference: Difference) -> tuple[Any, ...]:
@@ -395,7 +395,7 @@ COMMANDS = {
                 nargs="?",
                 const="",
                 metavar="ID",
-                help="all that is known of one run: the newest, or that of this id",
+                help="full record of the newest run, or of the run with this id",
             ),
         ),
         _history,
@@ -431,7 +431,7 @@ COMMANDS = {
             argument("system", help="name of a system"),
             argument("integrator", help="name of an integrator"),
             argument("tau", help="step size in the system's unit of time; the nearest run is shown"),
-            argument("--per-stage", action="store_true", help="the step size is that per stage, tau/s"),
+            argument("--per-stage", action="store_true", help="the step size is per stage, tau/s"),
             argument("--precision", help="double or extended (default double, or the only one that there is)"),
         ),
         _show,

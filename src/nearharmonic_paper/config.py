@@ -60,8 +60,8 @@ class Config:
         "The Hamiltonian systems, by name; each holds the keys below", "at least one system by its name", min_length=1
     )
     samples: int = setting(
-        "States that a run keeps; the largest and the mean error see every step all the same. 0 keeps the reduced "
-        "numbers alone, those of 500 states",
+        "States that a run keeps; the maximum and mean errors include every step. With 0, a run keeps only the "
+        "numbers reduced from 500 states",
         default=500,
         **whole_from(0, MOST_SAMPLES),
     )
@@ -80,13 +80,13 @@ class Config:
         default="compensated",
     )
     decomposition: tuple[str, ...] | None = setting(
-        "The methods of figure 2, and those of files in integrators; all integrators if not given",
+        "The methods of figure 2, to which files in integrators add theirs; all integrators if not given",
         default=None,
         **_METHODS,
     )
     overview: tuple[str, ...] | None = setting(
-        "The methods of the table that compares all, and those of files in integrators; all whose kicks are of V alone "
-        "if not given",
+        "The methods of the table that compares all, to which files in integrators add theirs; if not given, all with "
+        "kicks of V alone",
         default=None,
         **_METHODS,
     )
@@ -113,7 +113,7 @@ class Config:
 
     @property
     def sweeps(self) -> tuple[Sweep, ...]:
-        """Sweep of each system; t_end is by default that of the system."""
+        """Sweep of each system; t_end is by default the system's own."""
         return tuple(self._sweep(name, asked) for name, asked in self.systems.items())
 
     def _sweep(self, name: str, asked: SystemSettings) -> Sweep:
@@ -141,7 +141,7 @@ class Config:
         return self.methods if self.decomposition is None else self._with_own(self.decomposition)
 
     def _with_own(self, entries: tuple[str, ...]) -> tuple[str, ...]:
-        """Return the methods of a list, and those of users' files among the integrators."""
+        """Return the methods of a list, and the methods of users' files among the integrators."""
         own = (name for name in self.methods if name in integrators.definitions)
         return tuple(dict.fromkeys((*expanded(entries), *own)))
 
@@ -216,7 +216,7 @@ def _reason(error: Any) -> str:
 
 
 def _check_size(text: str) -> None:
-    """Count levels and entries, with those that aliases repeat, without recursion: a text may be deep or unfold."""
+    """Count levels and entries, also repeated by aliases, without recursion: a text may be deep or unfold."""
     import yaml
 
     count = 0
@@ -277,7 +277,7 @@ def _loader() -> Any:
 
 
 def checked_configs(words: Sequence[str], given: Mapping[str, Any]) -> list[str]:
-    """Return the configs of a command of Snakemake after a check of each: those that it gives, or :data:`CONFIGS`."""
+    """Return the configs of a command of Snakemake, or :data:`CONFIGS` if it names none, after a check of each."""
     parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
     parser.add_argument("--configfile", "--configfiles", nargs="+", default=[])
     places = list(parser.parse_known_args(words)[0].configfile)
@@ -301,7 +301,7 @@ def warn_of_name(name: str, places: Iterable[str]) -> None:
     """Warn on standard error of a config, other than the paper's, with the name of the paper's results."""
     if name == "paper" and not any(Path(place).parts[-2:] == ("config", "config.yaml") for place in places):
         effect = "this config replaces its results in results/paper and its pages below docs"
-        says = f"name = 'paper' is that of config/config.yaml, and {effect}: rename it"
+        says = f"name = 'paper' is the name of config/config.yaml, and {effect}: rename it"
         sys.stderr.write(f"nearharmonic: warning: {says}\n")
 
 

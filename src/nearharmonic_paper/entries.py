@@ -52,7 +52,7 @@ PositiveDecimal = Annotated[str, Reading(lambda value: format(positive("", value
 STRICT: Any = {"extra": "forbid"}
 
 #: Allowed values, in words.
-POSITIVE, AT_LEAST_LOWEST = "a finite number above 0", "a finite number, at least that of lowest"
+POSITIVE, AT_LEAST_LOWEST = "a finite number above 0", "a finite number, at least lowest"
 #: Force evaluations of one part of an experiment, all methods together: some minutes.
 MOST_EVALUATIONS = 10**12
 

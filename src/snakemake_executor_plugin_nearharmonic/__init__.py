@@ -1,4 +1,4 @@
-"""Executor of Snakemake for SLURM: that of the plugin for SLURM, but it submits frozen jobs.
+"""Executor of Snakemake for SLURM: the executor of the plugin for SLURM, but it submits frozen jobs.
 
 A frozen job reads neither the workflow nor the config on its node; Snakemake's own command reads both, twice.
 """

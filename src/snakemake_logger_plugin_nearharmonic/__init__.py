@@ -1,7 +1,7 @@
 """Logger of Snakemake: a bar on a terminal, a line for each finished group of jobs, and each warning and error.
 
 Snakemake's own handler prints where its whole account is asked for: in dry runs, with ``--verbose`` and
-``--debug-dag``. Its log file has that account of every run. Snakemake finds a plugin by the name of its package.
+``--debug-dag``. Its log file has the whole account of every run. Snakemake finds a plugin by the name of its package.
 """
 
 from __future__ import annotations
@@ -133,7 +133,7 @@ class LogHandler(LogHandlerBase):
     """
 
     def __post_init__(self) -> None:
-        """Look at the terminal and at what is asked for."""
+        """Read the options of the run and the properties of the terminal."""
         asked = self.common_settings
         self._is_silent, self._stream = asked.dryrun or asked.verbose or asked.debug_dag, sys.stderr
         self._is_terminal = self._stream.isatty() and os.environ.get("TERM") != "dumb"
@@ -155,7 +155,7 @@ class LogHandler(LogHandlerBase):
         return bool(self.filter(logging.makeLogRecord({"event": LogEvent.PROGRESS})))
 
     def handle(self, record: logging.LogRecord) -> bool:
-        """Follow every record, also those that ``--quiet`` keeps from being printed."""
+        """Follow every record, also records that ``--quiet`` hides."""
         if self._is_silent:
             return False
         try:

@@ -22,7 +22,7 @@ def check_manifest_and_verify(project, target):
     assert set(project.manifest()["files"]) == made
     verified = project.nearharmonic("verify", "tiny", "--rerun", "3")
     assert verified.returncode == 0, verified.stdout + verified.stderr
-    assert "3 runs integrated again: 3 have the same bits" in verified.stdout
+    assert "3 runs integrated again: 3 are bitwise identical" in verified.stdout
 
 
 def test_each_file_is_in_the_manifest_and_verified(finished):

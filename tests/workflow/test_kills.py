@@ -78,8 +78,7 @@ def test_second_run_in_a_folder_names_the_first(project):
     (said,) = [line for line in second.stdout.splitlines() if "in use" in line]
     assert second.returncode == 1
     assert said == (
-        f"results/tiny is in use: the workflow runs there as process {first.pid} on {host}; "
-        "wait for its end, or stop it"
+        f"results/tiny is in use by a run of the workflow (process {first.pid} on {host}); wait for its end, or stop it"
     )
 
 

@@ -103,7 +103,8 @@ def closing_lines():
         document = f"{RESULTS}/{CLAIMS}"
         yield verdicts_line(document, workflow_command(document)).replace("Of", "Verdicts: of", 1)
     if OMISSIONS in told["made"]:
-        yield f"Left out: {summary_line(f'{RESULTS}/{OMISSIONS}')}"
+        table = f"{RESULTS}/{OMISSIONS}"
+        yield f"{summary_line(table)}: {table}"
     jobs = told["jobs_run"] or 0
     work = f"{jobs} job{'s' * (jobs != 1)}, {told['evaluations'] or 0:.2g} force evaluations"
     yield f"Time: {told['duration']:.1f} s, {told['cpu_seconds']:.1f} s of CPU: {work}"

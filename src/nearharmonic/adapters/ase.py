@@ -48,7 +48,7 @@ class Splitting(MolecularDynamics):  # type: ignore[misc]  # ASE has no types
 
     A step evaluates as many forces as the method has stages. The last kick of a step and the first of the next share
     one: the calculator keeps it with its positions, as all calculators of ASE do, so a change of atoms, cell or momenta
-    between two steps never meets an old force. The roles are those of the method. A method that begins with a drift
+    between two steps never meets an old force. The method sets the roles. A method that begins with a drift
     ends with one, and its last positions need no force: it costs one more force in each step whose forces an observer,
     a trajectory or a log asks for. The kinetic energy is quadratic, so Nystrom methods keep their order.
 
@@ -107,7 +107,7 @@ class Splitting(MolecularDynamics):  # type: ignore[misc]  # ASE has no types
         if not isinstance(atoms, Atoms):
             raise bad_setting("atoms", atoms, "an ase.Atoms")
         if step is not None and timestep is not None:
-            raise bad_setting("timestep", timestep, "another name of step, of which one is given")
+            raise bad_setting("timestep", timestep, "another name of step; give one of the two")
         self.method = method_for("ASE", method)
         given = step if timestep is None else timestep
         size = positive("step", given, "a time above 0 in ASE's unit, such as 5 * ase.units.fs")
@@ -185,7 +185,7 @@ def positive(key: str, given: Any, allowed: str) -> float:
 
 
 def masses_of(atoms: Atoms) -> np.ndarray:
-    """Return the masses as a column; those of fixed atoms are 1, as they may be 0 and their momenta are."""
+    """Return the masses as a column, with 1 for fixed atoms, whose masses may be 0 and whose momenta are."""
     masses = np.array(atoms.get_masses(), dtype=float)
     for constraint in atoms.constraints:
         if isinstance(constraint, FixAtoms):

@@ -104,7 +104,7 @@ def isokinetic_integrator(method: str | Tableau) -> Integrator:
 
 
 def _coefficients(method: str | Tableau, *, quadratic: bool = True) -> list[float]:
-    """Return kicks and drifts in turns, a kick first and last, which is the order of BlackJAX."""
+    """Return alternate kicks and drifts, a kick first and last, in the order of BlackJAX."""
     splitting = method_for("BlackJAX", method)
     tableau = splitting.tableau
     if not tableau.symmetric:

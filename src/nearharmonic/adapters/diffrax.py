@@ -47,7 +47,7 @@ class Splitting(diffrax.AbstractSolver):  # type: ignore[misc]  # diffrax is not
     is too much, take ``SaveAt(steps=True)``, or ``diffrax.StepTo(ts)`` for the steps themselves. An interval that is no
     multiple of ``dt0`` is divided by diffrax.
 
-    Gradients are those of ``RecursiveCheckpointAdjoint``, ``DirectAdjoint`` and ``ForwardMode``. ``BacksolveAdjoint``
+    Gradients are by ``RecursiveCheckpointAdjoint``, ``DirectAdjoint`` or ``ForwardMode``. ``BacksolveAdjoint``
     takes no solver of two terms. The step has no error estimate, so that step size controllers that need one refuse it.
 
     A run that goes on from ``solver_state`` of another takes its force. If the state has been changed since, leave out

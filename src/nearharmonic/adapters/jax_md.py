@@ -173,7 +173,7 @@ def _warn_of_overflow(key: str, overflow: Any) -> None:
 
 
 def _has_moved(state: NVEState) -> Any:
-    """Return True if the position is not that of the force."""
+    """Return True if the position has changed since the force was computed."""
     pairs = zip(jax.tree_util.tree_leaves(state.position), jax.tree_util.tree_leaves(state.force_position), strict=True)
     return jnp.stack([jnp.any(now != then) for now, then in pairs]).any()
 

@@ -28,7 +28,7 @@ def integrator(
     """Return an integrator of OpenMM that runs a splitting method.
 
     A step has as many forces as the method has stages: OpenMM keeps the force of the last kick for the first kick of
-    the next step, as long as no position, parameter or box changes. The roles are those of the method, kick first or
+    the next step, as long as no position, parameter or box changes. The method sets the roles, kick first or
     drift first. The kinetic energy of OpenMM is quadratic, so Nystrom methods keep their order.
 
     With ``temperature`` and ``friction`` the integrator samples the canonical distribution by Langevin dynamics. The
@@ -135,7 +135,7 @@ def _add(made: openmm.CustomIntegrator, moves: Sequence[Move]) -> None:
 def _bath(temperature: Any, friction: Any, seed: Any) -> tuple[float, float] | None:
     """Return temperature and friction of the heat bath as numbers, or None without one."""
     if (temperature is None) != (friction is None):
-        raise bad_setting("friction", friction, "temperature and friction are given both, or neither")
+        raise bad_setting("friction", friction, "both temperature and friction, or neither")
     if temperature is None:
         if seed is not None:
             raise bad_setting("seed", seed, "None without temperature and friction, as there are no random numbers")

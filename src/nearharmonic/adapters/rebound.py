@@ -100,7 +100,7 @@ def _depends_on_velocities(address: int) -> bool:
 def register(method: str | Tableau) -> str:
     """Register a method with REBOUND, and return the name under which ``simulation.integrator`` takes it.
 
-    q are positions and v velocities: the kinetic energy is quadratic, as some methods require, and masses are those of
+    q are positions and v velocities: the kinetic energy is quadratic, as some methods require, with the masses of
     the particles. ``simulation.dt`` is the step, in the simulation's unit of time. ``simulation.integrate`` reaches its
     end by a shorter last step; with ``exact_finish_time=0`` all steps are equal.
 

@@ -48,11 +48,11 @@ def recommend_arguments(parser: argparse.ArgumentParser) -> None:
     add("--config", help="a config that defines the system, and integrators beside the registered ones")
     add("--error", required=True, help="the error that is allowed, such as 1e-9")
     add("--measure", default="max", help="one of max, mean, position (default max)")
-    add("--t-end", metavar="T", help="end of the interval (default that of the config or the system)")
+    add("--t-end", metavar="T", help="end of the interval (default: from the config or the system)")
     add("--methods", metavar="A,B,...", help="names, or files that define TABLEAU (default all and other libraries)")
     add("--budget", metavar="N", help="most evaluations of the force in a run (default 200000)")
     add("--limit", metavar="N", help=f"most rows (default {LIMIT}; JSON holds every method)")
-    add("--results", help="folder with timings (default that of the config, or results/paper)")
+    add("--results", help="folder with timings (default: of the config, or results/paper)")
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = "\n".join(["columns:", *(f"  {name:<12} {says}" for name, says in COLUMNS.items())])
 
@@ -118,10 +118,10 @@ def _notes_of_ranking(advice: Recommendation, limit: int) -> Iterator[str]:
     if words := advice.not_run():
         yield f"not run: {words}"
     if words := advice.unconfirmed:
-        yield f"not confirmed from other starts and over a longer interval, and therefore last: {words}"
+        yield f"ranked last, as not confirmed from other starts and over a longer interval: {words}"
     if words := advice.floor_in_words:
         yield words
-    yield f"Time is that of one trajectory on one core, without start-up. Based on: {advice.basis}"
+    yield f"Times are for one trajectory on one core, without start-up. Based on: {advice.basis}"
     if advice.call:
         yield f"the best in Python: {advice.call}"
 
@@ -255,14 +255,14 @@ def _notes(found: Tailored, place: Path | None, written: str | None) -> Iterator
         f"not used, runs of t = {found.held_out.t_end:.4g}{'' if unit == '1' else f' {unit}'}"
     )
     yield (
-        f"on the {found.ensemble.size} starts of the search, t = {found.ensemble.t_end:.4g}: {found.training.gain}; "
-        f"registered method of the least mean error in the window: {found.test.overall.name}"
+        f"gain on the {found.ensemble.size} starts of the search, t = {found.ensemble.t_end:.4g}: {found.training.gain}"
+        f"; registered method with the smallest mean error in the window: {found.test.overall.name}"
     )
     if found.losing and found.has_gain:
         places = ", ".join(f"{tau:.3g}: {gain}" for tau, gain in found.losing)
-        yield f"no gain at tau/s = {places}; a narrower window may have one throughout"
+        yield f"no gain at tau/s = {places}; a narrower window may gain everywhere"
     others = ", ".join(dict.fromkeys(found.published.best))
-    yield f"over methods of other authors alone ({others}): {found.published.gain}"
+    yield f"gain over methods of other authors alone ({others}): {found.published.gain}"
     kind = "quadratic T" if tableau.requires else "every separable H"
     yield (
         f"method: {tableau.stages} stages, {tableau.first} first, order {tableau.order} for {kind}, harmonic order "

@@ -26,7 +26,7 @@ def export_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("integrator", help="name of an integrator, or FILE.py, or FILE.py:NAME")
     parser.add_argument("--to", required=True, metavar="TARGET", help=f"one of {', '.join(TARGETS)}")
     parser.add_argument(
-        "--digits", help="significant digits (default: json and toml all, code those of the nearest doubles)"
+        "--digits", help="significant digits (default: all in json and toml, the nearest doubles in code)"
     )
 
 

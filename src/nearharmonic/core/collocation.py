@@ -405,7 +405,7 @@ def _to_stage(rows, source, stages, j):
 
 
 def _first_guess(rows, at):
-    """Replace the forces of the last step by a guess of those of the next one; they begin at row ``at``."""
+    """Replace the forces of the last step by a guess of the next forces; they begin at row ``at``."""
     d, s = _dimension(), _stages()
     if rows[_counters() + READY] == 0:
         _force(rows)

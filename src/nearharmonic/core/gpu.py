@@ -1,4 +1,4 @@
-"""Kernels for a GPU: one run a thread, from the loops and formulas of :mod:`nearharmonic.core.kernel`, as PTX text.
+"""Kernels for a GPU: one run per thread, from the loops and formulas of :mod:`nearharmonic.core.kernel`, as PTX text.
 
 A thread has the bits of a lane. Additions, products, quotients, square roots and fused products are rounded correctly
 on a GPU, and LLVM's NVPTX target keeps them apart: it writes each with its rounding, which the assembler of the driver

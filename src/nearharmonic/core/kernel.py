@@ -145,7 +145,7 @@ def room(physics: Physics, *, extended: bool) -> int:
 
 
 def cost(physics: Physics, *, extended: bool) -> int:
-    """Return the time of a force in units of at most a few nanoseconds; without loops, that of all pairs."""
+    """Return the time of a force in units of at most a few nanoseconds; without loops, the time of all pairs."""
     if physics.loops is None:
         force = physics.dimension * (physics.dimension + 4) // 2
         if physics.numba is not None:

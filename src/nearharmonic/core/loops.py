@@ -67,7 +67,7 @@ advance_at, begin_at = at_address(ADVANCE), at_address(BEGIN)
 
 
 def begin_tally(rows, fresh, lane, width, size, limit, scale, reference):
-    """Start the tally of a lane with that of ``fresh``, and make its limit absolute.
+    """Start the tally of a lane with the tally ``fresh``, and make its limit absolute.
 
     The given limit is relative to |H0|, to |T| if H0 = 0, or to ``scale`` if that is not 0.
     """

@@ -206,7 +206,7 @@ class NativeFunction:
         return self._function(*_converted(zip(self._arguments, given, strict=True)))
 
     def prepared(self, *given: Any) -> PreparedCall:
-        """Return a repeatable call of a packed function with these arguments, checked as those of a call."""
+        """Return a repeatable call of a packed function with these arguments, checked as in a call."""
         return PreparedCall(self._function, _converted(zip(self._arguments, given, strict=True)), (self, *given))
 
 

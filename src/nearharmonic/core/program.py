@@ -462,7 +462,7 @@ def _dependent(graph: Graph, root: Value, variables: Set[int]) -> set[int]:
 
 
 def _bound(graph: Graph, root: Value, variables: Set[int]) -> Exact:
-    """A bound on the degree: that of the polynomial before cancellation; 3 for all larger ones and other functions."""
+    """A bound on the degree of the polynomial before cancellation; 3 for all larger degrees and other functions."""
     degrees: dict[int, Exact] = {}
     for i in graph.reachable([root]):
         node = graph.nodes[i]

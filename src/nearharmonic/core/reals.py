@@ -331,7 +331,7 @@ def _source(code: CodeType) -> tuple[list[ast.stmt], frozenset[str]]:
 
 
 class Writer(ast.NodeVisitor):
-    """Writes the instructions of one call of a function, with those of the functions that it calls.
+    """Writer of the instructions of one call of a function and of the functions that it calls.
 
     ``builder`` is at the place where they go. A value is a number, a tuple of values, or what Python knows already.
     """

@@ -245,7 +245,7 @@ def without_members(variables: Variables) -> Variables:
 
 
 def over_runs(table: dict[str, tuple[Any, str, str]]) -> Variables:
-    """Return described variables from (values, meaning, unit), whose first dimension is that of the runs."""
+    """Return described variables over runs, from (values, meaning, unit)."""
     dimensions = ("tau_per_stage", "sample", "component")
     return {name: (dimensions[: v.ndim], v, described(text, unit)) for name, (v, text, unit) in table.items()}
 

@@ -76,7 +76,7 @@ class Gpu:
         return int(self.call("cuDeviceGetAttribute", kind, self.device)[0])
 
     def enter(self) -> None:
-        """Make this GPU that of the current thread."""
+        """Make this GPU the one of the current thread."""
         self.call("cuCtxSetCurrent", self.context)
 
     def function(self, kernel: MemberKernel) -> Any:

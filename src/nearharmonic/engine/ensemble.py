@@ -243,7 +243,7 @@ def section(
     direction : {"up", "down", "both"}
         Crossings from negative to positive values of the function, the reverse, or all.
     starts : (M, 2 d) array of float, optional
-        Start of each trajectory, positions and then momenta; by default that of the system. A section shows one energy
+        Start of each trajectory, positions and then momenta; by default the system's start. A section shows one energy
         if all starts have it.
     parameters : mapping, optional
         One value by name for all trajectories.

@@ -341,10 +341,10 @@ def backward_problem(problem: Setup) -> Setup:
         what = "it is processed: a negative step has another processor, and does not invert it"
         raise bad_setting("integrator", tableau.name, what)
     if tableau.requires is not None and kinetic_parameters(system):
-        what = f"its steps for {system.name}, whose kinetic energy has parameters, are not those of a quadratic one"
+        what = f"its steps for {system.name}, whose kinetic energy has parameters, are not steps for a quadratic one"
         raise bad_setting("integrator", tableau.name, what)
     if not system.parameters_at_run_time:
-        what = "a formula decides by its parameters, and has no derivative with respect to them"
+        what = "a formula branches on its parameters, and has no derivative with respect to them"
         raise bad_setting("system", system.name, what)
     if not tableau.symmetric:
         kick, drift, square = (row[::-1] for row in (tableau.kick, tableau.drift, tableau.square))

@@ -108,7 +108,7 @@ def _evaluated(what: str, function: Callable[..., Any], q: Floats, p: Floats, co
 
 @remembered
 def check_quantities(system: System) -> None:
-    """Evaluate invariants and observables at the start, so that formulas that fail do so before any work."""
+    """Evaluate invariants and observables at the start, so that faulty formulas fail before any work."""
     q, p = (np.array([row]) for row in system.start(float))
     invariant_values(system, q, p)
     observable_values(system, q, p, system.constants(float))
@@ -177,7 +177,7 @@ class Setup:
         self.numerics = settings.Numerics(precision=precision, summation=summation, energy=energy, split=split)
         check_precision(self.system, [precision])
         if self.tableau.implicit and precision == "extended" and self.system.formulas().are_loops:
-            what = f"{self.tableau.name} has double precision for formulas that are compiled as loops, as those of"
+            what = f"{self.tableau.name} has only double precision for formulas compiled as loops, such as"
             raise bad_setting("precision", precision, f"{what} {self.system.name}")
         if self.numerics.exact_oscillator:
             check_oscillator(self.system)
@@ -364,7 +364,7 @@ class Start:
 
 
 def parameter_attributes(system: System, given: Mapping[str, Any]) -> dict[str, str]:
-    """Return the attribute ``parameters``: exact texts by name of those that all runs share, given or the system's own.
+    """Return the attribute ``parameters``: exact texts by name of the parameters that all runs share.
 
     Arrays of several values, one a run, are left out.
     """
@@ -518,7 +518,7 @@ def _parameters_of(start: xr.Dataset, system: System) -> Mapping[str, Any]:
     except (ValueError, RecursionError):
         found = None
     if not isinstance(found, dict) or not all(isinstance(value, str) for value in found.values()):
-        allowed = "those of a result, a mapping of names to decimals in JSON"
+        allowed = "the parameters of a result, a mapping of names to decimals in JSON"
         raise bad_setting("start.attrs['parameters']", text, allowed)
     for i, name in enumerate(system.parameters):
         if name in found:
@@ -533,7 +533,7 @@ def _parameters_of(start: xr.Dataset, system: System) -> Mapping[str, Any]:
 
 def _check_one(key: str, rows: Floats) -> None:
     if len(rows) != 1:
-        raise bad_setting(key, f"{len(rows)} rows", "those of one trajectory; nearharmonic.ensemble takes many")
+        raise bad_setting(key, f"{len(rows)} rows", "one row, for one trajectory; nearharmonic.ensemble takes many")
 
 
 def _mapping(parameters: object) -> Mapping[str, Any]:

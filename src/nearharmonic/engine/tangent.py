@@ -82,7 +82,7 @@ def check_differentiable(system: System) -> None:
     numba.
     """
     if system.regularisation is not None:
-        what = "it is regularised, and its steps are those of a fictitious time, which depends on the orbit"
+        what = "it is regularised, and its steps are in a fictitious time, which depends on the orbit"
         raise bad_setting("system", system.name, what)
     if not system.energies[0].traced:
         what = "its V is a function of numba, which has no second derivatives: write it as a formula"
@@ -449,7 +449,7 @@ class _Megno:
 def deviations_dataset(
     problem: Setup, found: Evolution, *, only_end: bool, several: bool, asked_tau: float
 ) -> xr.Dataset:
-    """Return the Dataset of :func:`nearharmonic.tangent`, of what was ``found``.
+    """Return the Dataset of :func:`nearharmonic.tangent` from the arrays ``found``.
 
     ``only_end`` leaves out t = 0, and ``several`` gives a dimension of members.
     """
@@ -566,7 +566,7 @@ def tangent(
     """Follow small deviations from orbits by the exact derivative of the discrete map, for indicators of chaos.
 
     The derivative of a step is the same step of a separable system of twice as many coordinates, whose formulas are
-    derived from those of ``system``. It is symplectic to rounding. The interval [0, t_end] has
+    derived from the formulas of ``system``. It is symplectic to rounding. The interval [0, t_end] has
     ``steps = max(1, round(|t_end| / tau))`` equal steps. A deviation is integrated in a SIMD lane of its own.
     Deviations are orthonormalised after at most a hundred steps, so that none overflows.
 
@@ -592,13 +592,13 @@ def tangent(
         Threads that share the members; bits do not depend on it.
     start : xarray.Dataset or Solution, optional
         Continue the orbits from the last sample of this result, as for :func:`nearharmonic.integrate`. The deviations
-        and indicators of a result of this function go on as in one run, to rounding; those of another begin there.
+        and indicators of a result of this function go on as in one run, to rounding; others begin there.
 
     Returns
     -------
     xarray.Dataset
-        Over sample, and over member if there are several. At t = 0 ratios over the time are NaN. What follows
-        divergence is NaN. Lengths are those of (q, p) as numbers in the units of the system:
+        Over sample, and over member if there are several. At t = 0 ratios over the time are NaN. Values
+        after divergence are NaN. Lengths are of (q, p) as numbers in the units of the system:
 
         - ``q`` and ``p`` over component, and ``energy_error`` in double precision.
         - ``growth`` over deviation: logarithm of the length of a deviation over its initial length.
@@ -678,16 +678,16 @@ def earlier_indicators(problem: Setup, start: xr.Dataset, deviations: object) ->
         return None
     k = start.sizes["deviation"]
     if not (isinstance(deviations, int) and deviations in (2, k)):
-        raise bad_setting("deviations", deviations, f"those of start= go on, {k} in number")
+        raise bad_setting("deviations", deviations, f"{k}, the number of deviations in start=")
     start = start.transpose("member", "sample", ..., missing_dims="ignore")
     n, running = 2 * problem.system.dimension, start.get("running", start.q)
     size, values = running_size(k, n), running.values
     if running.dims[-1] != "running_component" or values.shape[-1] != size or not np.isfinite(values).all():
         raise bad_setting("start.running", f"{values.dtype} of shape {values.shape}", f"{size} finite numbers a member")
     if not np.array_equal(start["growth"].isel(sample=-1).values, values[..., k * (n + k) : k * (n + k + 1)]):
-        raise bad_setting("start", "a result whose last sample is not that of the run", "one with its last sample")
+        raise bad_setting("start", "a result without the last sample of the run", "one with its last sample")
     if (values[..., -3] * float(problem.end) <= 0).any():
-        raise bad_setting("t_end", problem.t_end, "with start=, indicators go on in the direction of their time")
+        raise bad_setting("t_end", problem.t_end, "the sign of the time in start=: indicators go one way")
     return start
 
 

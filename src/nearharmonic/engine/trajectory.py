@@ -67,7 +67,7 @@ class Solution:
 
     @property
     def steps(self) -> int:
-        """Steps that cover the interval; of a regularised system, those of its fictitious time."""
+        """Steps that cover the interval, in the fictitious time of a regularised system."""
         return self._step.steps if self.problem.system.regularisation is None else int(self.trajectories.done[0])
 
     @property
@@ -307,7 +307,7 @@ def stepper(
     callable
         ``step(q, p, tau)``, or ``step(q, p, carry_q, carry_p, tau)`` for compensated sums, compiled by numba and to be
         called from functions of numba, in threads if wanted, or from Python. The C-contiguous float64 arrays (d,) are
-        changed in place; those of a system that depends on time end with the time and its momentum. ``tau`` is a
+        changed in place; if the system depends on time, they end with the time and its momentum. ``tau`` is a
         finite number of either sign and means its binary value. A call has the bits of a run of one step of
         :func:`nearharmonic.integrate`. Arrays of another length raise ValueError, and from Python other arguments
         SettingError.
@@ -386,7 +386,7 @@ def check_single_step(problem: Setup) -> None:
     if numerics.exact_oscillator:
         raise bad_setting("split", numerics.split, "the sines of a step size are computed before a run, in decimals")
     if system.regularisation is not None:
-        raise bad_setting("system", system.name, "it is regularised, and its steps are those of a fictitious time")
+        raise bad_setting("system", system.name, "it is regularised, and its steps are in a fictitious time")
     if tableau.processed:
         what = "it is processed: each step by itself would begin and end with its processor"
         raise bad_setting("integrator", tableau.name, what)
@@ -442,16 +442,16 @@ def integrate(
         Output times in place of ``samples``, sorted, inside [0, t_end]. Those between two steps are reached by one
         shorter step of the method from the step before, which the run itself does not take.
     energy : {"every", "samples", "none"}
-        When the energy is measured: at every step; at the samples, so that errors are over the samples and a run counts
-        as diverged at the first sample that says so; never: errors are NaN, and only what is not finite has diverged;
-        a warning says so if the last state is off the energy surface.
+        Times of measurements of the energy: every step, the samples, or none. With samples, errors are over the samples
+        and divergence is seen at a sample. With none, errors are NaN, a run diverges only if its state is not finite,
+        and a last state off the energy surface gives a warning.
     energy_scale : float or str, optional
         Energy that errors are relative to, in the system's unit; by default ``|H0|``, or that unit where H0 = 0.
     start : xarray.Dataset or Solution, optional
         Continue from the last sample of this result, with its parameters and relative to its H0. ``t_end`` is then the
-        length of the continuation. The bits are those of one long run, unless the last sample has been edited: the run
-        then goes on from what it says. Maximum and mean of the errors are over the steps of the continuation alone; or,
-        with energies at the samples, over its samples, which one long run has at other steps.
+        length of the continuation. The result is bitwise identical to one long run. An edited last sample is taken as
+        the new start. Maximum and mean of the errors are over the steps of the continuation alone, or, with energies at
+        the samples, over its samples, which one long run has at other steps.
     split : {"kinetic_potential", "exact_oscillator"}
         What the two operators of the method solve: T by drifts and V by kicks; or, for a system that declares
         ``frequencies`` w, p.p/2 + sum w_i^2 q_i^2 / 2 by rotations in place of drifts, and the rest of V by kicks.

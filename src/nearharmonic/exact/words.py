@@ -60,7 +60,7 @@ class StepPolynomials(NamedTuple):
 def composed(
     first: Literal["drift", "kick"], kicks: Iterable[Any], drifts: Iterable[Any], squares: Iterable[Any] = ()
 ) -> Step:
-    """Return the step that applies kicks and drifts in turns: coefficients of B and A.
+    """Return the step of alternate kicks and drifts: coefficients of B and A.
 
     ``squares`` are coefficients of C, each behind its kick; None for a kick without C.
     """

@@ -210,7 +210,7 @@ def _first(path: str, claimed: Any, kicks: int, drifts: int) -> First:
     ahead = (kicks - drifts) * (1 if claimed == "kick" else -1)
     if ahead not in (0, 1):
         raise TableauError(
-            f"{path}: {lengths} cannot take turns with the {claimed} first, which has as many or one more"
+            f"{path}: {lengths} cannot alternate with the {claimed} first, which needs as many or one more"
         )
     return cast("First", claimed)
 
@@ -266,7 +266,7 @@ REBOUND = (
 )
 SUNDIALS = (
     "SUNDIALS: stage i of ARKODE is a kick with ahat[i], then a drift with a[i]; the added {zero} is 0. "
-    "ARKODE evaluates the force once a stage, {count} times a step; SUNDIALS 7.9 leaves out that of a kick of 0."
+    "ARKODE evaluates the force once a stage, {count} times a step; SUNDIALS 7.9 skips it for a kick of 0."
 )
 AUTONOMOUS = (
     "V must not depend on time: ARKODE evaluates the force at t + tau (ahat[0] + ... + ahat[i]), where this method "

@@ -53,7 +53,7 @@ class Method:
 
     @cached_property
     def flows(self) -> tuple[Move, ...]:
-        """The moves but those of no length, which would evaluate a force for nothing or divide by zero."""
+        """The moves except moves of length 0, which would waste a force or divide by zero."""
         return tuple(move for move in self.moves if move.coefficient)
 
     @property

@@ -50,7 +50,7 @@ class Likeness:
 
     @property
     def is_same(self) -> bool:
-        """True if all coefficients are those of the method, to the digits of both."""
+        """True if all coefficients agree with the method, to the digits of both."""
         return not self.differing
 
     @property

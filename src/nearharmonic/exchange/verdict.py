@@ -215,7 +215,7 @@ class Verdict:
 
     @cached_property
     def suspects(self) -> list[proving.Suspect]:
-        """Single mistakes that would explain the claims that do not hold; none if all hold."""
+        """Single transcription errors that explain the claims that do not hold; none if all hold."""
         if self.holds:
             return []
         return proving.suspects(self.file, self.digits.number, self._proves, self._target)
@@ -349,7 +349,7 @@ def _orders_of_role(file: CoefficientFile, step: Step) -> str:
 def _warnings(found: Verdict) -> Iterator[str]:
     file = found.file
     if 0 < found.digits.number < FEWEST_DIGITS:
-        yield f"{found.digits.words} allow so much that orders may be proved to them which the method does not have"
+        yield f"{found.digits.words} are few: an order proved to so few digits may be wrong"
     exchanged = method.with_roles_exchanged(found.step)
     quadratic = proving.proved_order(exchanged, HIGHEST_ORDER, quadratic=True).order
     if quadratic > found.quadratic_order.order:
@@ -361,11 +361,11 @@ def _warnings(found: Verdict) -> Iterator[str]:
     name = f"{like.tableau.label} ({like.tableau.name})"
     if like.exchanged and not any(claim.says.startswith("first") and claim.holds for claim in found.claims):
         role = like.tableau.first
-        yield f"the {found.file.first} is first here, and the {role} is in {name}, to which the coefficients belong"
+        yield f"the {found.file.first} is first here; the coefficients belong to {name}, where the {role} is first"
     if like.reversed:
-        yield f"the step is that of {name}, backwards"
+        yield f"the step is a backward step of {name}"
     if like.rescaled:
-        yield f"the rows are those of {name}, times a number"
+        yield f"the rows are a multiple of the rows of {name}"
     for place, here, there in like.differing:
         difference = f"they differ by {float(abs(here - there)):.1e}"
-        yield f"{place} = {float(here)!r}, and {float(there)!r} in {name}: {difference}"
+        yield f"{place} = {float(here)!r}, but {float(there)!r} in {name}; {difference}"

@@ -110,7 +110,7 @@ class Collocation(OneStepMethod):
         return [(tau, Fraction(0), Fraction(0))] * 3
 
     def evaluations(self, steps: Steps) -> Steps:
-        """Return the least force evaluations of a run, an iteration a step; results count those that were made."""
+        """Return the smallest number of force evaluations of a run, with one iteration per step; results count all."""
         return steps * self.stages
 
     def digest(self) -> str:

@@ -184,7 +184,7 @@ def _combined_rows(J: Floats, y: Floats, step: Floats) -> None:
 
 # --- Distinct points among many that lie close together.
 def distinct(points: Floats, closest: float, *, relative: bool = False, most: float = inf) -> tuple[Floats, list[int]]:
-    """Return those of ``points`` (R, n) that are far from all before, at most ``most``, and the number near each.
+    """Return ``points`` (R, n) that are far from all before, at most ``most``, and the number near each.
 
     Points are near if no unknown differs by more than ``closest``, which is ``relative`` to the largest unknown of a
     point if that is above 1.
@@ -224,7 +224,7 @@ class RandomStarts:
             raise bad_setting("starts", count, "an integer >= 1")
 
     def generator(self) -> np.random.Generator:
-        """Return the generator of the points, and of what else a search draws."""
+        """Return the generator of all random numbers of a search."""
         return np.random.default_rng(self.seed)
 
     def points(self, generator: np.random.Generator, unknowns: int, most: int | None = None) -> Floats:

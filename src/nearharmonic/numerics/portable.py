@@ -105,7 +105,7 @@ def log10(x: Any) -> Any:
 
 
 def nearest_power_of_two(x: float) -> float:
-    """Return the power of two whose logarithm is nearest to that of x > 0; x itself if it is not finite."""
+    """Return the power of two nearest to x > 0 in logarithm; x itself if it is not finite."""
     if not isfinite(x):
         return x
     mantissa, exponent = frexp(x)

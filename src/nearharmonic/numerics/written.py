@@ -45,7 +45,7 @@ def decimal_of(text: str) -> Decimal:
 
 
 def fraction_of(text: str) -> Fraction:
-    """Return the exact value of a decimal, or of a quotient of two such as "1/3"; errors are those of decimals."""
+    """Return the exact value of a decimal, or of a quotient of two such as "1/3", with the errors of decimals."""
     top, slash, bottom = text.partition("/")
     number = Fraction(decimal_of(top))
     if not slash:
@@ -93,7 +93,7 @@ def exact_value(value: object) -> Fraction:
 
 
 def decimal(value: Any) -> Any:
-    """Return the shortest decimal that a double prints as; return what is no finite number unchanged.
+    """Return the shortest decimal that a double prints as; return anything but a finite number unchanged.
 
     Another number has all its digits, at most :data:`DIGITS`.
     """
@@ -111,7 +111,7 @@ def decimal(value: Any) -> Any:
 
 
 def exact_number(value: object) -> Fraction:
-    """Return the exact value of text, an integer, a decimal or a fraction; errors are those of :func:`exact_value`.
+    """Return the exact value of text, an integer, a decimal or a fraction, with the errors of :func:`exact_value`.
 
     A float is a TypeError too: it is exact in its binary digits only.
     """
@@ -121,7 +121,7 @@ def exact_number(value: object) -> Fraction:
 
 
 def integer_of(value: object) -> int:
-    """Return the integer of 10, 10.0, "10", "10.0" or "1e1"; errors are those of :func:`exact_value`."""
+    """Return the integer of 10, 10.0, "10", "10.0" or "1e1", with the errors of :func:`exact_value`."""
     number = exact_value(value)
     if number.denominator != 1:
         raise ValueError

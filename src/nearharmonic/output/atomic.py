@@ -65,12 +65,12 @@ def _synchronise(path: Path) -> None:
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:
-    """Write ``text`` to ``path`` in UTF-8, atomically; errors are those of :func:`replacing`."""
+    """Write ``text`` to ``path`` in UTF-8, atomically, with the errors of :func:`replacing`."""
     write_bytes(path, text.encode())
 
 
 def write_bytes(path: str | os.PathLike[str], content: bytes | memoryview) -> None:
-    """Write ``content`` to ``path``, atomically; errors are those of :func:`replacing`."""
+    """Write ``content`` to ``path``, atomically, with the errors of :func:`replacing`."""
     # Not part.write_bytes: after an error, the traceback keeps its view of the content.
     with replacing(path) as part, part.open("wb") as file:
         file.write(content)
@@ -104,13 +104,13 @@ def opened(path: str | os.PathLike[str]) -> BinaryIO:
 
 # --- Reading of files: a pipe, a device or a folder in place of a file is refused, and never blocks the reader.
 def read_bytes(path: str | os.PathLike[str]) -> bytes:
-    """Return the bytes of a regular file; errors are those of :func:`opened`."""
+    """Return the bytes of a regular file, with the errors of :func:`opened`."""
     with opened(path) as file:
         return file.read()
 
 
 def read_text(path: str | os.PathLike[str], errors: str = "strict") -> str:
-    """Return the text of a regular file in UTF-8; errors are those of :func:`opened`.
+    """Return the text of a regular file in UTF-8, with the errors of :func:`opened`.
 
     ``errors`` says what becomes of bytes that are no UTF-8: ``strict`` raises UnicodeDecodeError, a ValueError.
     """

@@ -189,7 +189,7 @@ def command_for(path: str | os.PathLike[str]) -> str:
 
 
 def workflow_command(path: str | os.PathLike[str]) -> str:
-    """Return the command that updates the results of a file, with their recorded configs, or that of their name."""
+    """Return the command that updates the results of a file, with their recorded configs, or else by their name."""
     parts = Path(path).parts
     if "results" not in parts[:-1]:
         return "snakemake -j2"
@@ -242,7 +242,7 @@ def complaint(path: Path) -> str:
         return "does not exist" if isinstance(error, FileNotFoundError) else f"cannot be read ({error.strerror})"
     if not (signed and last.startswith(SEAL)):
         return "is truncated or no result file"
-    return "" if last == _seal(digest) else "is damaged: its bytes are not those that were written"
+    return "" if last == _seal(digest) else "is damaged: its bytes have changed since it was written"
 
 
 def digest_of_first(file: BinaryIO, size: int) -> str:
@@ -368,7 +368,7 @@ def _foreign_in(group: Any) -> str:
 
 
 def _foreign(variable: Any) -> str:
-    """Return what is wrong with a variable, from its description alone; empty if nothing is."""
+    """Return the fault of a variable, from its description alone; empty if it has none."""
     import h5py
 
     if variable.external or variable.is_virtual:
@@ -386,7 +386,7 @@ def _foreign(variable: Any) -> str:
 
 
 def attributes_in(member: Any) -> dict[str, Any]:
-    """Return the attributes of an open file, group or variable, without those of HDF5 and netCDF.
+    """Return the attributes of an open file, group or variable, without the ones of HDF5 and netCDF.
 
     A TypeError says that an attribute is neither numbers nor texts.
     """
@@ -400,7 +400,7 @@ def attributes_in(member: Any) -> dict[str, Any]:
 
 
 def attributes_of(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Return the attributes of the file ``path``, its provenance; errors are those of :func:`checked`."""
+    """Return the attributes of the file ``path``, its provenance, with the errors of :func:`checked`."""
     with checked(path) as file:
         return attributes_in(file)
 
@@ -415,7 +415,7 @@ def claimed_attributes(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 def groups_of(path: str | os.PathLike[str]) -> tuple[str, ...]:
-    """Return the names of the groups below the root of ``path``; errors are those of :func:`checked`."""
+    """Return the names of the groups below the root of ``path``, with the errors of :func:`checked`."""
     with checked(path) as file:
         return _groups_in(file)
 

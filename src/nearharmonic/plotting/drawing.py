@@ -462,7 +462,7 @@ def _smooth(one: xr.Dataset, pair: Pair) -> tuple[Floats, Floats] | None:
 
 
 def _rates_of(one: xr.Dataset) -> Callable[[Floats], Floats] | None:
-    """Return dx/dt of states x = (q, p, t), None unless the formulas of a result are those of a registered system.
+    """Return dx/dt of states x = (q, p, t), None unless the formulas of a result belong to a registered system.
 
     The name alone does not tell: a user's system may have it too.
     """

@@ -31,7 +31,7 @@ KINDS = {
     TRAJECTORY: ("", "energy", "orbit", "phase"), DEVIATIONS: ("chaos", "orbit", "phase"), MANY_DEVIATIONS: ("chaos",),
 }  # fmt: skip
 ALLOWED = (
-    "a Dataset of nearharmonic.integrate, sweep, ensemble, tangent, section or recommend, or a list of those of one of "
+    "a Dataset of nearharmonic.integrate, sweep, ensemble, tangent, section or recommend, a list of Datasets of one of "
     "the first four, or the cube of a system"
 )
 
@@ -63,7 +63,7 @@ def plot(
     kind : {"energy", "orbit", "phase", "section", "work"}, optional
         What is drawn in place of the default: of a trajectory its energy error, its orbit or its phase space alone; of
         ``sweep`` the error against the evaluations of the force, "work". An orbit between coarse samples is a smooth
-        curve if its formulas are those of a registered system. Of other systems, and where a curve would miss the
+        curve if its formulas belong to a registered system. Of other systems, and where a curve would miss the
         samples, fewer than about 20 samples a period are points: take more by ``samples=`` or ``t=`` of ``integrate``.
     axes : pair of str, optional
         Quantities of an orbit, a phase space or a section, such as ("q1", "p2"), or variables over the samples such as

@@ -480,7 +480,7 @@ def fewest_steps(meets: Callable[[int], bool], least: int, most: int) -> int | N
 
 
 def fewest_for_good(errors: Mapping[int, float], bound: float) -> int | None:
-    """Return the fewest steps in ``errors`` whose error meets ``bound``, as do those of all larger numbers of steps.
+    """Return the fewest steps in ``errors`` from which on all errors meet ``bound``.
 
     NaN meets no bound; None if the largest number of steps misses it.
     """

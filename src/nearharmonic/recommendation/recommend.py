@@ -71,8 +71,8 @@ def recommend(
         Initial values in place of the system's own, as for :func:`nearharmonic.integrate`. Either may be given alone.
         Rows (M, d) are an ensemble: errors are then the 0.99 quantile over its members, of at most 1024.
     methods : list, optional
-        Methods to choose from: names, paths of files (one for all methods of its file), or Tableaus. By default all,
-        of which those that need many more evaluations than ten others are not searched for.
+        Methods to choose from: names, paths of files (one for all methods of its file), or Tableaus. By default all;
+        methods that need many more evaluations than ten others are left out of the search.
     budget : int, optional
         Most evaluations of the force in a run that may be recommended, by default 200 000; the work of the search
         grows with it.
@@ -83,7 +83,7 @@ def recommend(
         Over ``rank``, 1 for the fastest: ``integrator``, a name or a path as :func:`nearharmonic.integrate` takes it;
         ``label``; ``tau``, ``summation``, ``steps`` and ``evaluations`` of its run; ``max_energy_error`` and
         ``mean_energy_error``, which ``integrate`` finds for this ``tau`` and ``summation``, and ``position_error`` if
-        that is the measure; ``time``, the least wall time of the run in s, of one trajectory on one core. Uncompensated
+        that is the measure; ``time``, the shortest wall time of one trajectory in s, on one core. Uncompensated
         sums are used where they do not increase the error. ``further_error`` is the largest error of the runs that
         confirm the step; methods for which it exceeds twice the bound come last, and the attribute ``unconfirmed``
         names them. Methods that miss the bound are left out: the attributes ``missed`` and ``not_run`` name them with
@@ -163,7 +163,7 @@ class Recommendation:
         return "; ".join(_at_best(choice, self.search) for choice in missed)
 
     def not_run(self) -> str:
-        """Return the methods that were not run, those of one reason together with it."""
+        """Return the methods that were not run, grouped by reason."""
         absent: dict[str, list[str]] = {}
         for choice in self.choices:
             if choice.status == "not run":
@@ -202,9 +202,9 @@ def recommendation(
     least = {choice.method: min(repeats) for choice, repeats in times}
     choices = [replace(choice, time=least.get(choice.method, nan)) for choice in choices] + libraries
     basis = (
-        f"measured on the spot, {facts['measured']} on {facts['cpu']}, load average {facts['load_average']}; each step "
-        f"listed was run over the whole interval and meets the error, as do all finer steps that were run (these with "
-        f"compensated sums), up to {REACH} times as many and {search.longest} evaluations; {search.checks}"
+        f"measured now, {facts['measured']} on {facts['cpu']}, load average {facts['load_average']}; each step listed "
+        f"meets the error over the whole interval, and so do all finer steps that were run (with compensated sums, up "
+        f"to {REACH} times as many and {search.longest} evaluations); {search.checks}"
         f"{origin and f'; other libraries: {origin}'}"
     )
     order = sorted(choices, key=lambda choice: (not choice.confirmed, inf if isnan(choice.time) else choice.time))

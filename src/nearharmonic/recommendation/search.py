@@ -188,7 +188,7 @@ class Search:
         return f"{stable}; confirmed by {kind} from {others} and over {LONGER} times the interval"
 
     def choices(self, report: Callable[[str], None]) -> list[Choice]:
-        """Return a choice for each method, not timed yet; those of the fewest evaluations from a denser search."""
+        """Return a choice for each method, not timed yet; a denser search refines choices with few evaluations."""
         coarse, reasons = self._coarse(report)
         few, choices = len(coarse.keys() - reasons.keys()) <= RANKED, dict[str, Choice]()
         for i, (name, tableau) in enumerate(self.methods.items(), 1):

@@ -323,7 +323,7 @@ class MassKineticEnergy:
 def of_masses(
     masses: Sequence[Any] | None, T: Callable[..., Any], dimension: int, parameters: tuple[str, ...], *, alone: bool
 ) -> Callable[..., Any]:
-    """Return the kinetic energy of a system: that of ``masses``, or T if there are no masses; both are refused.
+    """Return the kinetic energy of a system, from ``masses`` or from T; both together are refused.
 
     In a copy T may come from the masses of the original. ``alone`` is True if no gradient of T is given.
     """
@@ -704,7 +704,7 @@ def _of_energies(
 
 
 def _acceleration(system: Any, kinetic_energy: Energy, force: Vector, *parameters: Any) -> Vector:
-    """The acceleration in a system whose T is quadratic; that of the time coordinate of an extended system is 0."""
+    """The acceleration in a system whose T is quadratic; it is 0 for the time coordinate of an extended system."""
     own, clock = (force[:-1], (Constant(0),)) if system.time_dependent else (force, ())
     if isinstance(system.T, MassKineticEnergy):
         return *system.T.velocity(own, *parameters), *clock

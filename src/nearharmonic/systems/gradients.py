@@ -219,7 +219,7 @@ def check_oscillator(system: System, key: str = "split") -> None:
         comma = "," if system.dimension == 1 else ""
         needed = f"{system.name} declares no frequencies, such as frequencies=({example}{comma})"
     elif system.time_dependent:
-        needed = f"it is for potentials that do not depend on time, and that of {system.name} does"
+        needed = f"it is for potentials that do not depend on time, and V of {system.name} does"
     elif system.regularisation is not None:
         needed = f"{system.name} is regularised, and is no oscillator in its own coordinates"
     elif not system.unit_masses:
@@ -334,7 +334,7 @@ def velocity_text(system: System) -> str:
 
 
 def velocity(system: System, functions: Mapping[str, Callable[..., Any]] | None = None) -> Callable[..., Any]:
-    """The function of :func:`velocity_text`; it calls ``functions``, by default those of the module math."""
+    """The function of :func:`velocity_text`; it calls ``functions``, by default from the module math."""
     import numpy as np
 
     space: dict[str, Any] = {name: getattr(math, name) for name in ("sqrt", *FUNCTIONS) if name != "cbrt"}

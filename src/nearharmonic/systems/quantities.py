@@ -76,7 +76,7 @@ class Observable:
 
 
 class ReadOnly(dict[str, Any]):
-    """A mapping of a system, which does not change: what is derived from it would not."""
+    """A read-only mapping of a system, since values derived from it would not follow a change."""
 
     def _refuse(self, *_: Any, **__: Any) -> Any:
         what = "the mappings of a system are read-only: make a copy of the system by dataclasses.replace"
@@ -138,7 +138,7 @@ def check_members(system: Any) -> None:
 
 
 def _typed_members(system: Any) -> Iterator[tuple[str, Any, bool, str]]:
-    """Yield name, value, whether it is allowed, and what is."""
+    """Yield name, value, True if it is allowed, and the allowed type."""
     for key in ("units", "parameters", "invariants", "observables"):
         value = getattr(system, key)
         is_mapping = isinstance(value, Mapping) and all(isinstance(entry, str) for entry in value)

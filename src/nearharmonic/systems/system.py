@@ -46,7 +46,7 @@ _POSITIONAL = (Argument.POSITIONAL_ONLY, Argument.POSITIONAL_OR_KEYWORD)
 
 
 def check_arguments(system: System) -> None:
-    """Refuse formulas with other arguments than those of their calls, or with parameters in another order.
+    """Refuse formulas whose arguments differ from their calls, or whose parameters are in another order.
 
     A formula without a signature, such as one written in C, is not checked.
     """
@@ -92,7 +92,7 @@ def _reason(system: System, taken: list[Argument], given: tuple[str, ...]) -> st
         return f"parameters has no {', '.join(map(repr, unknown))}"
     if given == ("q", "t") and len(taken) < 2 + len(system.parameters):
         return "with time_dependent=True it takes the time, and all parameters behind it"
-    return "it takes all parameters, those that only masses or T use too"
+    return "it takes all parameters, also those that only masses or T use"
 
 
 Scalar = TypeVar("Scalar")
@@ -141,15 +141,15 @@ class System:
         T = p.M^-1 p / 2, in place of T and grad_T: numbers, decimal strings, fractions or names of parameters, or a
         constant symmetric positive definite matrix of numbers; a number alone for one coordinate.
     time_dependent : bool
-        True if V depends on the time; :meth:`formulas` are then those of the extended autonomous system.
+        True if V depends on the time; :meth:`formulas` then belong to the extended autonomous system.
     regularisation : Regularisation, optional
         Transformation of a system with ``V = -GM/|q| + R`` in two or three coordinates to an oscillator. It is
         integrated with a step in a fictitious time; states, times and energies are mapped back.
     parameters : mapping of Parameter or number, optional
         Constants of the formulas by name, in the order of their arguments. A parameter may be given by its value alone.
     invariants, observables : mapping of callable, optional
-        Functions ``f(q, p, *parameters)`` that are conserved besides the energy, and those that are recorded at the
-        samples. Both may be an :class:`~nearharmonic.Observable`, which has a unit.
+        Functions ``f(q, p, *parameters)`` that are conserved besides the energy, and functions that are recorded at
+        the samples. Both may be an :class:`~nearharmonic.Observable`, which has a unit.
     period : callable, optional
         ``period(q, p, *parameters)``, the period of the exact orbit through floats q, p, if it is periodic.
     harmonic, gravity : bool
@@ -255,7 +255,7 @@ class System:
         return read_by(*formulas, self.regularisation and self.regularisation.perturbation)
 
     def refresh(self) -> System:
-        """Return the system itself; forget what was derived from formulas that now read other values than before.
+        """Return the system itself, without values derived from formulas that now read other values than before.
 
         A function of numba among them is refused: it keeps the values of its first call.
         """
@@ -454,7 +454,7 @@ class System:
         return True
 
     def formulas(self) -> Formulas:
-        """Return the integrated formulas: those of the system, or of the extended system if V depends on time."""
+        """Return the integrated formulas, of the system, or of the extended system if V depends on time."""
         return self._formulas
 
     @cached_property
@@ -464,7 +464,7 @@ class System:
         return formulas_of(self, self._potential, self._kinetic_energy)
 
     def autonomous(self) -> System:
-        """Return the extended system as a separate System if V depends on time: that of :meth:`formulas`."""
+        """Return the extended system of :meth:`formulas` as a separate System if V depends on time."""
         if not self.time_dependent:
             return self
         formulas, (q0, p0) = self.formulas(), self.extended_start(str)

@@ -1,4 +1,4 @@
-"""Systems of users: those of a file, or registered ones, with other initial values or parameters."""
+"""Systems of users: from a file, or registered ones with other initial values or parameters."""
 
 from __future__ import annotations
 

@@ -197,7 +197,7 @@ def generalised_order_of(
 def leading_errors(
     integrator: str | Tableau, *, first: First | None = None, highest: int | None = None
 ) -> LeadingErrors:
-    """Return the leading error terms of a step; arguments are those of :func:`order_of`.
+    """Return the leading error terms of a step, with the arguments of :func:`order_of`.
 
     The first two norms are Euclidean norms of the coordinates in the Lyndon basis with its standard bracketing (A < B,
     drift A, kick B). The norm for quadratic kinetic energy is that of the smallest equivalent error, so that it is at

@@ -374,7 +374,7 @@ def tableau_of(
     nearest: float = NEAREST,
     **about: Any,
 ) -> Tableau:
-    """Return the tableau of the member next to ``unknowns``; arguments and errors are those of :func:`polished`.
+    """Return the tableau of the member next to ``unknowns``; arguments and errors as for :func:`polished`.
 
     The tableau guarantees this number of decimals, and coefficients have two more. ``about`` has fields of
     :class:`Tableau`: name, label, source, note.

@@ -349,7 +349,7 @@ def _states(system: System, frequency: float) -> tuple[Floats, Floats]:
     d = system.dimension
     q, p = run.q[0, :, :d], run.p[0, :, :d]
     if run.left_at[0] or not (np.isfinite(q).all() and np.isfinite(p).all()):
-        what = f"a start whose orbit stays on its energy surface; that of {system.name} leaves it"
+        what = f"a start whose orbit stays on its energy surface; the orbit of {system.name} leaves it"
         raise bad_setting("(q0, p0)", f"({list(system.q0)}, {list(system.p0)})", what)
     return q, p
 
@@ -442,7 +442,7 @@ def _on_surface(asked: TailorRequest, orbit: Orbit, q: Floats, p: Floats) -> tup
     inside = room > 0
     if not inside.any():
         least = float(_energies(system, lowest[None], still[:1])[0])
-        raise bad_setting("energy", energy, f"above {least:.6g}, the least potential on the orbit of the given start")
+        raise bad_setting("energy", energy, f"above {least:.6g}, the smallest V on the orbit of the given start")
     q, p = q[inside], p[inside]
     return q, p * _factors(system, q, p, energy)[:, None]
 

@@ -455,7 +455,7 @@ class Searcher:
         return sum(self.effort.same(one, self.best) for one in self.found)
 
     def centre(self, turn: int) -> Found:
-        """Return a result around which a search begins: one of the best different ones, in turns."""
+        """Return a result around which a search begins, from the best different ones in rotation."""
         different: list[Found] = []
         for one in sorted(self.found, key=lambda one: one.value):
             if not any(self.effort.same(one, other) for other in different):
@@ -465,7 +465,7 @@ class Searcher:
         return different[turn % len(different)]
 
     def search(self, objective: Objective, start: Start, trials: int | None = None) -> Found:
-        """Search from a start, with this number of ``trials`` or that of the settings."""
+        """Search from a start, with this number of ``trials`` or the number in the settings."""
         before, seed = objective.trials, int(self._random.integers(1, 2**31))
         effort = self.effort if trials is None else replace(self.effort, trials=trials)
         value, unknowns = descend(objective, start, effort, seed)
@@ -559,7 +559,7 @@ class _Screen:
 
 
 def _has_shape(method: Tableau, family: Family) -> bool:
-    """Return True if a method has the stages and the role of a family, and no squares but those of the family."""
+    """Return True if a method has the stages and the role of a family, and no squares outside the family."""
     squares = {i for i, m in enumerate(getattr(method, "square", ())) if Fraction(m) and 2 * i < len(method.kick)}
     return (
         method.symmetric

@@ -423,7 +423,7 @@ def note_of(found: Tailored) -> str:
     others = ", ".join(dict.fromkeys(test.best))
     return (
         f"for {found.question.system.label} alone: step sizes per stage of {window_text(found)}, where max |dH| on "
-        f"{found.held_out.size} starts that were not used is {test.gain} decades below that of the best registered "
+        f"{found.held_out.size} starts that were not used is {test.gain} decades smaller than with the best registered "
         f"methods, {others}, at equal cost"
     )
 

@@ -344,8 +344,7 @@ def sums(entries: Sequence[Entry]) -> list[tuple[str, int, dict[str, int]]]:
 def tally(entries: Sequence[Entry]) -> str:
     """Return the number of statements of the paper and of those with each verdict, in words."""
     counted = of_the_paper(entries)
-    told = in_words(Counter(entry["verdict"] for entry in counted))
-    return f"Of the {len(counted)} statements of the paper that are checked {told}"
+    return f"Of {len(counted)} statements of the paper, {in_words(Counter(entry['verdict'] for entry in counted))}"
 
 
 def in_words(found: Mapping[str, int]) -> str:
@@ -374,11 +373,9 @@ def deciders(entries: Iterable[Entry]) -> list[tuple[str, str]]:
 def verdicts_line(document: str | Path, command: str) -> str:
     """Return a line on the verdicts in ``tables/claims.json``, and the command that decides the open statements."""
     entries = json.loads(Path(document).read_text(encoding="utf-8"))
-    missing = deciders(entries)
+    said, missing = tally(entries), deciders(entries)
     targets = {target: time for target, time in missing if target != "all"}
-    if not targets:
-        return f"{tally(entries)}."
-    share, times = "all" if len(targets) == len(missing) else "most", ", ".join(targets.values())
+    which, times = "them" if len(targets) == len(missing) else "most of them", ", ".join(targets.values())
     # Behind --configfile Snakemake would take the targets for further files.
     command = command.replace("-j2", f"-j2 {' '.join(targets)}", 1)
-    return f"{tally(entries)}; {command} decides {share} of those left open ({times})."
+    return f"{said}; {command} decides {which} ({times})" if targets else said

@@ -343,7 +343,7 @@ class _Pair:
             yield from dataset_differences(place, *datasets, measured)
 
     def table(self, name: str, volatile: set[str]) -> Iterator[Difference]:
-        """Yield the differences of a table; those of verdicts are told as claims."""
+        """Yield the differences of a table; differences of verdicts are told as claims."""
         self.left_out += [f"{name}: {column}" for column in sorted(volatile)]
         shown_above = {"verdict"} if name == str(CLAIMS.with_suffix(".csv")) else set()
         left, right = map(Texts, self._folders)

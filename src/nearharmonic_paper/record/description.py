@@ -177,7 +177,7 @@ def document(name: str) -> bytes:
 
 
 def workflow_root() -> Path:
-    """Return the folder with the files of the workflow: that of the sources, or ``share/nearharmonic`` of a wheel.
+    """Return the folder with the files of the workflow: in the sources, or ``share/nearharmonic`` of a wheel.
 
     It is a SettingError if there is none.
     """

@@ -133,7 +133,7 @@ def _document(text: bytes) -> tuple[Run | None, str]:
 
 
 def _damaged_run(number: int, text: bytes) -> Run:
-    """Return what is known of a run whose line is damaged: its id and its start, if that is legible."""
+    """Return the legible part of a run whose line is damaged: its id and its start."""
     name = _ID.search(text[:60].decode(errors="replace"))
     legible = {"id": name[0], "start": name.expand(r"\1-\2-\3T\4:\5:\6.000Z")} if name else {}
     return {"id": f"line-{number}", "start": "", "config": {}, "status": "damaged", **legible}
@@ -245,7 +245,7 @@ def makers_in(folder: Path) -> dict[str, str]:
 def doubts_in(folder: Path) -> list[str]:
     """Return a sentence for each line of the history that cannot be read."""
     lines = (line for line in lines_of(folder / HISTORY) if line.run.get("status") == "damaged")
-    says = "what it recorded of files, configs and code is not known"
+    says = "its record of files, configs and code is lost"
     return [f"{folder / HISTORY}: line {line.number} {line.fault}, and {says}" for line in lines]
 
 

@@ -145,7 +145,7 @@ class Texts:
         try:
             content = read_bytes(place)
             if name in self._entries and sha256(content).hexdigest() != self._entries[name]["sha256"]:
-                raise self.unusable(name, "is damaged: its bytes are not those that its job wrote")
+                raise self.unusable(name, "is damaged: its bytes differ from what its job wrote")
             return content.decode()
         except FileNotFoundError:
             raise self.unusable(name, "does not exist") from None
@@ -200,7 +200,7 @@ Entries = Iterable[Mapping[str, Any]]
 
 
 def check_trusted(folder: Path, given: Iterable[str]) -> None:
-    """Check that the files which the user trusts are those that made the results in ``folder``.
+    """Check that the files which the user trusts have made the results in ``folder``.
 
     No such file, or another digest or none of the newest run that used it, is a SettingError.
     """

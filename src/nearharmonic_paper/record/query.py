@@ -369,7 +369,7 @@ def _trajectory(folder: Path, cells: Mapping[str, Any]) -> tuple[Path | None, in
 def _python_lines(
     cells: Mapping[str, Any], settings: Mapping[str, Any], definitions: Mapping[str, Mapping[str, Any]]
 ) -> list[str]:
-    """Return Python code that repeats a run; the printed number is bitwise identical to that of the cube."""
+    """Return Python code that repeats a run; the printed number is bitwise identical to the number in the cube."""
     system, before = _system_lines(str(cells["system"]), definitions)
     own = definitions.get("integrators", {}).get(str(cells["integrator"]))
     integrator = json.dumps(str(cells["integrator"]) if own is None else f"{own.file}:{cells['integrator']}")

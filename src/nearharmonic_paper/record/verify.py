@@ -71,12 +71,12 @@ def _of_record(folder: Path) -> Iterator[Fault]:
     lines = history.lines_of(place)
     told = [f"line {line.number} {line.fault}" for line in history.faulty_lines(lines)]
     if lost_line(folder, lines):
-        told.append(f"has lost the last line that was written, or more; it has {len(lines)}")
+        told.append(f"has lost its last line or more; it has {len(lines)}")
     for says in told:
         yield Fault(history.HISTORY, says, f"The next run with jobs records this, for example: {again}")
     for place in provenance.damaged_receipts(folder):
         name, mend = place.relative_to(folder).as_posix(), "The next run replaces or removes it"
-        yield Fault(name, "is no receipt as its job wrote it", f"{mend}: {workflow_command(place)}")
+        yield Fault(name, "is a damaged receipt", f"{mend}: {workflow_command(place)}")
     for place in parts_in(folder):
         name, mend = place.relative_to(folder).as_posix(), "The next run with jobs removes it, for example"
         yield Fault(name, "is a temporary file of an unfinished job", f"{mend}: {again}")
@@ -100,7 +100,7 @@ def _of_files(folder: Path, recorded: Mapping[str, Any]) -> Iterator[Fault]:
             elif name not in entries:
                 yield Fault(name, "is extra: no job made it", "Move it elsewhere")
             else:
-                yield Fault(name, "is damaged: its bytes are not those that its job wrote", again)
+                yield Fault(name, "is damaged: its bytes differ from what its job wrote", again)
         elif name.endswith(".h5") and (says := foreign_in(folder / name)):
             yield Fault(name, says, again)
 
@@ -150,7 +150,7 @@ def _difference(
         if not_run:
             here["coefficients"] = "" if any(is_edited(file, files) for file in not_run) else recorded["coefficients"]
     except NearharmonicError as error:
-        return f"code, of which something is not here ({error})"
+        return f"code, part of which is missing here ({error})"
     return " and ".join(what for what in recorded if here[what] != recorded[what])
 
 

@@ -207,7 +207,7 @@ def restore(folder: Path) -> None:
 
 #: File with the host and the number of the process that holds the lock, or held it last.
 LOCK = Path("logs", "lock")
-UNLOCKED = "nearharmonic: warning: two runs at once are not prevented"
+UNLOCKED = "nearharmonic: warning: no lock, so two runs at once are possible"
 
 
 def lock(folder: Path) -> None:
@@ -226,7 +226,7 @@ def lock(folder: Path) -> None:
             return
         host, _, number = place.read_text(errors="replace").strip().rpartition(" ")
         holder = f"process {number} on {host}" if host else "another process"
-        message = f"{folder} is in use: the workflow runs there as {holder}; wait for its end, or stop it"
+        message = f"{folder} is in use by a run of the workflow ({holder}); wait for its end, or stop it"
         raise RefusedError(message) from None
     except OSError as error:
         print(f"{UNLOCKED}: {place}: {error.strerror}", file=sys.stderr)
@@ -319,7 +319,7 @@ class WorkflowRun:
             history.mark(self._folder, self.told)
 
     def end(self, exit_status: int) -> None:
-        """Write manifest and history at the end of a run, whose ``exit_status`` is that of Snakemake."""
+        """Write manifest and history at the end of a run, with the ``exit_status`` of Snakemake."""
         restore(self._folder)
         receipts, ended = provenance.receipts_in(self._folder), datetime.now(UTC)
         self.told |= {
@@ -346,7 +346,7 @@ class WorkflowRun:
                     history.append(self._folder, self.told, lost_line(self._folder, lines))
                 finally:
                     history.unmark(self._folder, self.id)
-        with self._warning("the next start looks at all files"):
+        with self._warning("the next start checks all files"):
             save(self._folder, self._makeable, receipts)
 
     def _remove_damaged_receipts(self) -> None:
@@ -355,7 +355,7 @@ class WorkflowRun:
             for place in damaged:
                 place.unlink()
             listed = ", ".join([*map(str, damaged[:3]), *(["..."] if len(damaged) > 3 else [])])
-            says = "receipts are not as their jobs wrote them, and are removed"
+            says = "damaged receipts are removed"
             self._warn("receipts", f"{len(damaged)} {says}: {listed}")
 
     def _counts(self, receipts: provenance.Receipts) -> dict[str, int | None]:

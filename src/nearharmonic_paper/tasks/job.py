@@ -111,7 +111,7 @@ def refresh(snakemake: Any) -> None:
                 try:
                     run(job)
                 except SystemExit as error:
-                    text = f"nearharmonic: warning: the page of results may be old: {error}"
+                    text = f"nearharmonic: warning: the page of results may be out of date: {error}"
                     print(text, file=sys.__stderr__, flush=True)
                 newest = max(newest, first.stat().st_mtime_ns)
 
@@ -143,7 +143,7 @@ def covered(task: Mapping[str, Any]) -> Iterator[None]:
 
 
 def _is_stale(task: Mapping[str, Any]) -> bool:
-    """Return True if code or coefficients here are not those of a task."""
+    """Return True if code or coefficients here differ from a task's."""
     here = digests(task["function"], task["systems"], task["integrators"])
     return any(here[what] != task[what] for what in here)
 
@@ -232,7 +232,7 @@ def logged(path: str | os.PathLike[str]) -> Iterator[None]:
 
 
 def _end_with(leader: int) -> None:
-    """Wait for the end of the process ``leader``, then kill this process and those that it has started."""
+    """Wait for the end of the process ``leader``, then kill this process and all that it has started."""
     if hasattr(os, "pidfd_open"):
         with suppress(ProcessLookupError):
             select([os.pidfd_open(leader)], [], [])

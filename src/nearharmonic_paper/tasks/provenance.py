@@ -103,7 +103,7 @@ class _Modules:
         return self.parse(path.read_bytes())
 
     def _imports(self, module: str) -> list[str]:
-        """Return the modules of the package that ``module`` imports; an imported name may be that of a function."""
+        """Return the modules of the package that ``module`` imports; an imported name may belong to a function."""
         is_package = path_of(module, self._root).name == "__init__.py"
         imported = []
         for written in self.source(module).imports:
@@ -507,7 +507,7 @@ def measured(place: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 def identity(place: Path) -> str:
-    """Return a digest that identifies the content of a file: the one in its last line, or else that of its bytes."""
+    """Return a digest that identifies the content of a file: the one in its last line, or else of its bytes."""
     return sealed_digest(place) or str(measured(place)["sha256"])
 
 

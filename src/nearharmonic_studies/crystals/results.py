@@ -166,7 +166,7 @@ def table_of(cube: xr.Dataset) -> Table:
             )
     caption = (
         "Methods with the smallest median of the maximum energy error, in units of the mean kinetic energy, by "
-        "crystal, temperature over that of the melting point, and forces in a period of the fastest phonon; lead in "
+        "crystal, temperature relative to the melting point, and forces in a period of the fastest phonon; lead in "
         "decades over the best method of another kind."
     )
     return Table(

@@ -78,7 +78,7 @@ def measure(crystal: str, names: Sequence[str], settings: CrystalsSettings) -> d
 
 
 def start_of(solid: Solid, temperature: float, seed: list[int]) -> Start:
-    """Return a state in equilibrium at a temperature, relative to that of the melting point, without total momentum.
+    """Return a state in equilibrium at a temperature, relative to the melting point, without total momentum.
 
     Langevin steps from the lattice sites are those of leapfrog around friction and noise, BAOAB: Leimkuhler & Matthews
     (2013), Appl. Math. Res. eXpress 2013, 34.

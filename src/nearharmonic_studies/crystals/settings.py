@@ -43,7 +43,7 @@ class CrystalsSettings:
         **whole_from(0, 6),
     )
     temperatures: tuple[PositiveDecimal, ...] = positive_numbers(
-        "Temperatures over that of the melting point", "0.01", "0.03", "0.1", "0.3", "1"
+        "Temperatures relative to the melting point", "0.01", "0.03", "0.1", "0.3", "1"
     )
     forces: tuple[PositiveDecimal, ...] = positive_numbers(
         "Forces in a period of the fastest phonon; leapfrog is stable above pi",
@@ -57,7 +57,7 @@ class CrystalsSettings:
     seed: int = setting("Chooses the starts", default=1, **whole_from(0))
 
     def check(self, methods: Sequence[Tableau], problems: Collection[str]) -> None:
-        """Raise an error for unknown integrators, and for those that need more than forces."""
+        """Raise an error for unknown integrators, and for integrators that need more than forces."""
         for name in self.crystals:
             one_of("crystals.crystals", name, tuple(CELLS))
         for name in self.methods:

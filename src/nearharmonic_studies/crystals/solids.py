@@ -63,7 +63,7 @@ class Solid:
 
     @cached_property
     def frequencies(self) -> Floats:
-        """Angular frequencies (n,) of the phonons at rest, ascending, to six digits; those of translations are 0.
+        """Angular frequencies (n,) of the phonons at rest, ascending, to six digits; translations have 0.
 
         LAPACK rounds differently on other processors, by much less than the last of six digits.
         """
@@ -536,7 +536,7 @@ def halves(tableau: Tableau, tau: float) -> tuple[Floats, np.ndarray]:
 
 
 def at_rest(p: Floats, masses: Floats) -> Floats:
-    """Remove the motion of the centre of mass: three components, or one if the masses are those of a chain."""
+    """Remove the motion of the centre of mass: three components, or one for the masses of a chain."""
     dimension = 3 if np.array_equal(masses[::3], masses[1::3][: len(masses[::3])]) else 1
     momenta, weights = p.reshape(-1, dimension), masses.reshape(-1, dimension)
     found: Floats = momenta - weights * (momenta.sum(axis=0) / weights.sum(axis=0))

@@ -1,1 +1,1 @@
-"""Samplers: gradients of Hamiltonian Monte Carlo with each method, on Gaussians and on targets that are none."""
+"""Samplers: gradients of Hamiltonian Monte Carlo with each method, on Gaussian and other targets."""

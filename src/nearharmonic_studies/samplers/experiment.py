@@ -7,22 +7,22 @@ from nearharmonic_studies.samplers.settings import SamplersSettings
 _FIGURES = {
     "samplers_gaussian": (
         "Hamiltonian Monte Carlo on Gaussians",
-        "Hamiltonian Monte Carlo on Gaussians whose frequencies are log-uniform over a decade, exactly. (A) "
-        "Gradients over the least mean squared jump of all modes, in units of twice the variance, at the best "
-        "step size and length, against the dimension. (B) Gain over the first method.",
+        "Hamiltonian Monte Carlo on Gaussians with frequencies log-uniform over a decade, computed exactly. (A) Cost "
+        "of a sample against dimension, at the best step size and length: gradients divided by the smallest mean "
+        "squared jump of any mode, in units of twice its variance. (B) Gain over the first method.",
     ),
     "samplers_targets": (
         "Hamiltonian Monte Carlo on other targets",
-        "Gain of methods over leapfrog in gradients per effective sample of the slowest observable, on targets "
-        "that are not Gaussian. Bars are 95 % intervals over chains. The step size and the length of the "
-        "trajectories are the best of a grid for each method, found by other chains.",
+        "Gain of methods over leapfrog in gradients per effective sample of the slowest observable, on targets that "
+        "are not Gaussian. Bars are 95 % intervals over chains. Other chains chose the step size and the trajectory "
+        "length of each method from a grid.",
     ),
     "samplers_trained": (
         "Gains of methods trained for Hamiltonian Monte Carlo",
-        "Gain of methods that were trained for Hamiltonian Monte Carlo over the best of the other methods, with "
-        "95 % intervals. (A) Products of 1000 quartic oscillators of strength b, from starts that training did "
-        "not use: methods of four stages trained for one strength alone, and methods of three to five stages "
-        "trained for the strengths 0.1, 0.5 and 2 together. (B) The latter on the other targets, by chains.",
+        "Gain of methods trained for Hamiltonian Monte Carlo over the best of the other methods, with 95 % intervals. "
+        "(A) Products of 1000 quartic oscillators of strength b, from starts outside the training. Methods of four "
+        "stages are trained for one strength alone, and methods of three to five stages for the strengths 0.1, 0.5 and "
+        "2 together. (B) The methods for three strengths on the other targets, by chains.",
     ),
 }
 FIGURES = {

@@ -147,7 +147,7 @@ def _squares(kicks_first, outer, inner, stages, taus, strengths, frequencies, x0
 
 
 class Objective:
-    """Mean logarithm of the gradients for an accepted proposal over those of leapfrog."""
+    """Mean logarithm of the gradients for an accepted proposal, relative to leapfrog."""
 
     def __init__(self, family: SecondOrder, proposals: Proposals) -> None:
         self.family, self.proposals, self.trials = family, proposals, 0
@@ -303,7 +303,7 @@ def taus(count: int) -> list[float]:
 
 
 def compared(settings: SamplersSettings, trained: Sequence[str]) -> dict[str, Tableau]:
-    """Return all methods by name: those of the settings, and those of the run of the searches."""
+    """Return all methods by name, from the settings and from the run of the searches."""
     return {name: integrators[name] for name in settings.methods} | methods_of(map(read, trained))
 
 

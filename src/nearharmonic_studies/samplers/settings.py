@@ -52,7 +52,7 @@ class SamplersSettings:
     seed: int = setting("Chooses all random numbers", default=1, **whole_from(0))
 
     def check(self, methods: Sequence[Tableau], problems: Collection[str]) -> None:
-        """Raise an error for unknown integrators, and for those that cannot propose."""
+        """Raise an error for unknown integrators, and for integrators that cannot propose."""
         for name in self.targets:
             one_of("samplers.targets", name, TARGETS)
         for name in self.families:

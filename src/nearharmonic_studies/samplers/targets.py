@@ -249,7 +249,7 @@ def mesquite_logarithms() -> tuple[Floats, Floats]:
 
 
 def mesquite() -> Target:
-    """Return the regression of the logarithm of the weight of leaves on that of the volume of the canopy."""
+    """Return the regression of log weight of leaves on log volume of the canopy."""
     volume, weight = mesquite_logarithms()
     shift, scale = COORDINATES["mesquite"]
 

@@ -672,7 +672,7 @@ def ranking(candidates: Sequence[Candidate]) -> Table:
     return Table(
         header=tuple(rows[0]) if rows else (),
         rows=[tuple(row.values()) for row in rows],
-        caption="The best by a criterion that runs no problem.",
+        caption="Best candidates by a criterion that runs no problem.",
     )
 
 
@@ -691,7 +691,7 @@ def measured(methods: Iterable[Tableau]) -> Table:
                 rows.append((
                     system.label, tau, tableau.label, tableau.order, float(worst[tableau.name]), mean, place,
                 ))  # fmt: skip
-    return Table(header=header, rows=rows, caption="The winners beside the others, at the same cost.")
+    return Table(header=header, rows=rows, caption="Energy errors of the winners and others at equal cost.")
 
 
 def document(found: Iterable[tuple[Candidate, Tableau]]) -> Mapping[str, Any]:

@@ -14,7 +14,7 @@ class SixthOrderSettings:
     __pydantic_config__ = STRICT
 
     seed: int = setting(
-        "Of all random starts and walks; the same seed gives the same tables", default=1, **whole_from(0)
+        "Seed of all random starts and walks; the same seed gives the same tables", default=1, **whole_from(0)
     )
     starts: int = setting(
         "Random starts for each number of stages and each composition", default=4000, **whole_from(1, 10**7)

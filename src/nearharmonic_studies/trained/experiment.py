@@ -8,32 +8,31 @@ _FIGURES = {
     "trained_error": (
         "Energy error on ensembles",
         "trained",
-        "Energy error against the step size per evaluation of the force, in radians of the fastest small "
-        "oscillation, on problems that no method was trained on: means over the problems of an ensemble of the "
-        "largest error at any step. Grey: the range of all published methods of the registry. Blue: the best of "
-        "them at each step size. Orange: the best trained method at each step size, which the marker names. The "
-        "area between the two is orange where trained methods err less, blue where they lose. The strength of a "
-        "random potential measures its anharmonicity.",
+        "Energy error against the step size per force evaluation, in radians of the fastest small oscillation, on "
+        "problems outside the training. Curves are means, over the problems of an ensemble, of the maximum error at "
+        "any step. Grey: range of all published methods of the registry. Blue: the best published method at each step "
+        "size. Orange: the best trained method, named by the marker. The area between them is orange where trained "
+        "methods have smaller errors, blue where published ones do. The strength of a random potential measures its "
+        "anharmonicity.",
     ),
     "trained_gain": (
         "Gain over the best published method",
         "trained",
-        "Gain of the best trained over the best published method, in decades of the mean energy error at equal "
-        "cost, against the step size per evaluation of the force in radians of the fastest small oscillation. "
-        "Bands are 95 % intervals by resampling the problems, with the best of each chosen anew. Above 0 a "
-        "trained method is ahead, below 0 a published one. The strength of a random potential measures its "
-        "anharmonicity.",
+        "Gain of the best trained method over the best published one at equal cost, in decades of the mean energy "
+        "error, against the step size per force evaluation in radians of the fastest small oscillation. Above 0 the "
+        "trained method has the smaller error. Bands are 95 % intervals by resampling the problems, with the best "
+        "methods chosen anew each time. The strength of a random potential measures its anharmonicity.",
     ),
     "trained_ideas": (
         "Six ideas, by anharmonicity",
         "trained_ideas",
-        "Which idea is best where: random potentials of two coordinates, from almost harmonic to strongly "
-        "anharmonic, all at equal cost. Above: gain of the best method of each idea over the best general method, "
-        "in decades of the mean energy error, against the variation of the Hessian along the orbits; bands are 95 "
-        "% intervals over the potentials. Below: the idea that is ahead at each anharmonicity and step size, "
-        "among all, and among those that split H into T and V; numbers and the depth of the colour are its lead "
-        "over the second in decades. An evaluation with the oscillator solved exactly is charged with the time "
-        "that it takes longer. The smallest errors, at small anharmonicities and step sizes, are rounding.",
+        "Gains of six ideas on random potentials of two coordinates, from almost harmonic to strongly anharmonic, at "
+        "equal cost. Above: gain of the best method of each idea over the best general method, in decades of the mean "
+        "energy error, against the variation of the Hessian along the orbits. Bands are 95 % intervals over the "
+        "potentials. Below: the leading idea at each anharmonicity and step size, among all ideas and among those with "
+        "the splitting T + V. Numbers and depth of colour are its lead over the second in decades. An evaluation with "
+        "the oscillator solved exactly is charged its longer time. The smallest errors, at small anharmonicities and "
+        "step sizes, are rounding.",
     ),
 }
 FIGURES = {

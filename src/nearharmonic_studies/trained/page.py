@@ -413,7 +413,7 @@ def windows(method: str, rows: Sequence[Row]) -> tuple[str, ...]:
 
 
 def leaders(rows: Sequence[Row], key: str) -> str:
-    """Ideas that lead from the smallest anharmonicity to the largest, each with the one at which it ends."""
+    """Ideas that lead from the smallest anharmonicity to the largest, each with the anharmonicity at which it ends."""
     return ", ".join(f"{WORDS_OF_IDEAS[idea]} {some[-1]['anharmonicity']:.2g}" for idea, some in grouped(rows, key))
 
 

@@ -100,7 +100,7 @@ def mean_log_error(runs: xr.Dataset) -> xr.DataArray:
 def gains(runs: xr.Dataset, resamples: int = RESAMPLES) -> xr.Dataset:
     """Best method of each kind, and the gain of the trained one with its interval, at each step size.
 
-    A gain is the mean logarithm of the error of the best published method minus that of the best trained one. Each
+    A gain is the mean of log10 (error of the best published method / error of the best trained method). Each
     resample has its own best methods. Without a method of a kind its best is "" and the gain is NaN.
     """
     errors, seed = runs.log_error.reset_coords(drop=True).assign_coords(kind=runs.kind), runs.attrs["seed"]
@@ -134,8 +134,8 @@ GAINS = (
     "below 0. Nothing was trained on these problems."
 )
 METHODS = (
-    "Each trained method on each ensemble: the widest stretch of neighbouring step sizes at which it errs less than "
-    "every published method, its largest gain and its largest loss in decades, and where."
+    "Each trained method on each ensemble: the widest range of neighbouring step sizes at which its error is smaller "
+    "than with every published method, its largest gain and loss in decades, and where they are."
 )
 
 
@@ -301,10 +301,10 @@ def _leaders(best: xr.Dataset, suffix: str, text: str) -> xr.Dataset:
 
 
 IDEAS_CAPTION = (
-    "Random potentials of two coordinates: the idea whose best method has the least mean of log10 max |dH/H0| at equal "
-    "cost, by how many decades it is ahead of the second with its 95 % interval over the potentials; the idea that is "
-    "ahead with T and V, where oscillators are not solved exactly; the gain of trained over all other methods where "
-    "they are; and the gains of all over the best general method. "
+    "Random potentials of two coordinates. The leading idea: its best method has the smallest mean of log10 "
+    "max |dH/H0| at equal cost; its lead over the second in decades, with a 95 % interval over the potentials. The "
+    "leading idea among those with T + V. The gain of trained methods over all others that solve oscillators exactly. "
+    "The gains of all ideas over the best general method. "
     "Anharmonicity is the median variation of the Hessian."
 )
 
@@ -393,12 +393,12 @@ def _late_median(errors: Any) -> float:
 
 
 LONG_CAPTION = (
-    "Runs from starts on the energy surfaces of the proof. Largest error at any step; trend of (H - H0)/|H0| over the "
-    "whole run with the half width of its 95 % interval over the starts; distance from the start after a hundredth of "
-    "the steps and as many back, median over the starts, relative to the largest coordinate and momentum; and the "
-    "energy error by rounding alone, against double-double with the same coefficients, after equally many evaluations "
-    "with a fifth of the step, median over the starts and the second half of the run, and with plain sums over that "
-    "of the first method."
+    "Runs from starts on the energy surfaces of the proof. Largest error at any step. Trend of (H - H0)/|H0| over the "
+    "whole run, with the half width of its 95 % interval over the starts. Distance from the start after a hundredth of "
+    "the steps and as many back, median over the starts, relative to the largest coordinate and momentum. Energy error "
+    "by rounding alone, against double-double with the same coefficients, after equally many evaluations with a fifth "
+    "of the step, median over the starts and the second half of the run. Its ratio to the first method, with plain "
+    "sums."
 )
 
 

@@ -293,8 +293,8 @@ TIMED_STEPS, TIMED_PROBLEMS = 2000, 2 * LANES
 PATIENCE = Patience(least=7, most=25, seconds=0.1, longest=1.0)
 CAPTION = (
     "Nanoseconds of an evaluation and trajectory in SIMD lanes and of a single trajectory, plain sums, no energies, "
-    "least of calls that took turns; what the gradient of the square of grad V costs more, in evaluations; and the "
-    "gain of the best trained over the best published method, in decades, at equal evaluations and at equal time of "
+    "minimum of interleaved calls. Additional cost of the gradient of the square of grad V, in evaluations. Gain of "
+    "the best trained method over the best published one, in decades, at equal evaluations and at equal time of "
     "either kind"
 )
 

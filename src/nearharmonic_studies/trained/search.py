@@ -1,4 +1,4 @@
-"""Search for the method of one purpose, and the modules that register what is found."""
+"""Search for the method of one purpose, and the modules that register the methods found."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ from nearharmonic_studies.trained.settings import PURPOSES, Purpose, SearchSetti
 
 SOURCE = "trained by nearharmonic_studies.trained"
 CAPTION = (
-    "{title}: the families searched for {what}, tau/s {low:.3g} to {high:.3g}, {problems}. Objective: worst over the "
-    "window of the mean log10 of the largest energy error against the best published method, and half of its mean; "
-    "gains in decades on other problems and intervals twice as long, the least in the window and the mean."
+    "{title}: families searched for {what}, tau/s {low:.3g} to {high:.3g}, {problems}. The objective is the mean log10 "
+    "of the largest energy error relative to the best published method: its maximum over the window plus half of its "
+    "mean. Gains are in decades, on other problems and intervals twice as long, smallest in the window and mean."
 )
 #: Number of methods of each family that are compared on the validation set.
 SHORT_LIST = 3
@@ -207,7 +207,7 @@ def register(documents: Sequence[str]) -> dict[str, str]:
 
 
 def _module(name: str, methods: Sequence[Mapping[str, Any]]) -> str:
-    """Return the text of a module of integrators with these methods; its head is that of the present module."""
+    """Return the text of a module of integrators with these methods, and with the head of the present module."""
     names = [*(["QUADRATIC_KINETIC_ENERGY"] if any(map(_needs_requirement, methods)) else []), "Tableau", "palindrome"]
     present = Path(getfile(Tableau)).with_name(f"{name}.py").read_text(encoding="utf-8")
     head = present[: present.index(BEGIN) + len(BEGIN)]

@@ -158,7 +158,7 @@ class CubicPurpose(Purpose):
 
 
 class PrecisePurpose(Purpose):
-    """Purpose of a method of order eight for polynomial potentials, those of degree four by default."""
+    """Purpose of a method of order eight for polynomial potentials, of degree four by default."""
 
     registered = False
 
@@ -362,7 +362,7 @@ class ProofSettings:
     __pydantic_config__ = STRICT
 
     seed: int = setting(
-        "Of the test ensembles and all else that is random; training sets have others", default=1501, **whole_from(0)
+        "Seed of the test ensembles and of all other random numbers except the training", default=1501, **whole_from(0)
     )
     systems: int = setting("Problems of each ensemble", default=192, **whole_from(4, 10**5))
     t_end: PositiveDecimal = setting(
@@ -398,7 +398,7 @@ class SearchSettings:
     __pydantic_config__ = STRICT
 
     seed: int = setting(
-        "Of the systems and of the search; the same seed gives the same methods", default=1, **whole_from(0, 10**6)
+        "Seed of the systems and of the search; the same seed gives the same methods", default=1, **whole_from(0, 10**6)
     )
     systems: int = setting("Problems that a method is trained on", default=64, **whole_from(2, 10**5))
     held_out: int = setting(

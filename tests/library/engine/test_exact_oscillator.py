@@ -141,7 +141,7 @@ def driven(q, t):
     [
         ("kepler", r"split = 'exact_oscillator' is not allowed: kepler declares no frequencies"),
         (nh.System(name="driven", V=driven, q0=[1], p0=[0], t_end=1, time_dependent=True, frequencies=("1",)),
-         "potentials that do not depend on time, and that of driven does"),
+         "potentials that do not depend on time, and V of driven does"),
         (nh.System(name="heavy", V=lambda q: q[0] ** 2, q0=[1], p0=[0], t_end=1, masses=["2"], frequencies=("1",)),
          r"it requires T = p.p / 2, which heavy does not have"),
         (nh.System(name="long", V=lambda q: sum((x - y) ** 4 for x, y in pairwise(q)), q0=[1] * 200,

@@ -269,14 +269,14 @@ def test_indicators_of_a_continued_run_are_those_of_one(precision):
 @pytest.mark.parametrize(
     ("change", "more", "says"),
     [
-        (lambda run: run.isel(sample=[0]), {}, "start = 'a result whose last sample is not that of the run'"),
+        (lambda run: run.isel(sample=[0]), {}, "start = 'a result without the last sample of the run'"),
         (
             lambda run: run.drop_vars("running"),
             {},
             "start.running = 'float64 of shape (3, 2)' is not allowed: 19 finite",
         ),
-        (lambda run: run, {"t_end": -3}, "t_end = '-3' is not allowed: with start=, indicators go on in the direction"),
-        (lambda run: run, {"deviations": 3}, "deviations = 3 is not allowed: those of start= go on, 2 in number"),
+        (lambda run: run, {"t_end": -3}, "t_end = '-3' is not allowed: the sign of the time in start=: indicators"),
+        (lambda run: run, {"deviations": 3}, "deviations = 3 is not allowed: 2, the number of deviations in start="),
         (lambda run: run, {"p0": [1, 1]}, "p0 = [1, 1] is not allowed: with start=, a run continues from the state"),
         (lambda run: run.assign_attrs(system="sho"), {}, "start = 'a result of sho' is not allowed"),
     ],

@@ -129,7 +129,7 @@ def test_nearest_method_decides_role_without_dependent_claim():
     assert found.nearest.is_same
     assert found.nearest.exchanged
     assert found.warnings == [
-        "the kick is first here, and the drift is in ABAs5o6H (abas5o6h), to which the coefficients belong"
+        "the kick is first here; the coefficients belong to ABAs5o6H (abas5o6h), where the drift is first"
     ]
     own = verdict("libraries", "desolver_babs9o7h")
     assert own.nearest.tableau.name == "babps9o7h"
@@ -431,7 +431,7 @@ def test_nearest_method_is_found_with_fewer_digits_and_exchanged_roles():
     assert (exchanged.nearest.tableau.name, exchanged.nearest.is_same, exchanged.nearest.exchanged) == (
         "aba864", True, True,
     )  # fmt: skip
-    assert exchanged.warnings[-1].startswith("the kick is first here, and the drift is in ABA864")
+    assert exchanged.warnings[-1].startswith("the kick is first here; the coefficients belong to ABA864")
 
 
 def test_nearest_method_is_found_in_other_units_of_step():
@@ -462,7 +462,7 @@ def test_asymmetric_method_is_recognised_reversed_and_with_exchanged_roles():
     found = Verdict(back)
     assert (found.nearest.tableau.name, found.nearest.is_same) == ("mclachlan_atela_4", True)
     assert (found.nearest.exchanged, found.nearest.reversed) == (False, True)
-    assert "the step is that of McLachlan-Atela 4 (mclachlan_atela_4), backwards" in found.warnings
+    assert "the step is a backward step of McLachlan-Atela 4 (mclachlan_atela_4)" in found.warnings
 
 
 def test_a_claimed_symmetry_is_judged_both_ways():

@@ -333,7 +333,7 @@ REFUSAL = "results/paper/cubes/sho.h5 cannot be read: its file system has no loc
     ("variable", "answer"), [("", "[4, 2, 1]"), pytest.param("TRUE", REFUSAL, marks=pytest.mark.slow)]
 )
 def test_files_are_read_and_recorded_on_mount_without_locks(tmp_path, variables, variable, answer):
-    """Without locks, two runs at once are not prevented, and a warning says so."""
+    """Without locks, no lock, so two runs at once are possible, and a warning says so."""
     (tmp_path / "locks.c").write_text(WITHOUT_LOCKS)
     subprocess.run(["cc", "-shared", "-fPIC", "-o", "locks.so", "locks.c", "-ldl"], cwd=tmp_path, check=True)
     store.write(tmp_path / "results/paper/cubes/sho.h5", variables, {})
@@ -342,7 +342,7 @@ def test_files_are_read_and_recorded_on_mount_without_locks(tmp_path, variables,
     done = subprocess.run(script, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True)
     assert done.stdout.splitlines() == ["a", answer]
     place = "results/paper/logs/lock: No locks available"
-    assert done.stderr == f"nearharmonic: warning: two runs at once are not prevented: {place}\n"
+    assert done.stderr == f"nearharmonic: warning: no lock, so two runs at once are possible: {place}\n"
 
 
 @pytest.mark.parametrize("odd", [h5py.Empty("<f8"), 1j, np.zeros(2, [("a", "<f8")]), np.void(b"x")])

@@ -313,7 +313,7 @@ def test_step_that_is_not_confirmed_comes_last_and_is_named(monkeypatch):
     assert found.further_error.values.tolist() == [1e-3, 2e-3, math.inf]
     assert found.attrs["unconfirmed"] == "ruth (inf)"
     told = ranking(recommendation(Search("sho", 1e-3, methods=FEW, t_end=50)))
-    assert "not confirmed from other starts and over a longer interval, and therefore last: ruth (inf)" in told.notes
+    assert "ranked last, as not confirmed from other starts and over a longer interval: ruth (inf)" in told.notes
 
 
 def test_each_method_has_a_line_on_a_terminal_alone(capsys):

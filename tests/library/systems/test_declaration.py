@@ -176,7 +176,7 @@ COUNTS = {
     "V takes (q, t), and is called as V(q): a potential that depends on the time t needs time_dependent=True": {
         "V": lambda q, t: q[0] * t, "parameters": {},
     },
-    "V takes (q), and is called as V(q, m, k): it takes all parameters, those that only masses or T use too": {
+    "V takes (q), and is called as V(q, m, k): it takes all parameters, also those that only masses or T use": {
         "V": lambda q: q[0], "masses": ("m",),
     },
     "V takes (q, m, k), and is called as V(q, t, m, k): with time_dependent=True it takes the time": {

@@ -277,7 +277,7 @@ SUMMED = [
 
 def test_findings_are_not_counted():
     told = "2 hold, 1 holds but for edges, 2 fail, 1 erratum"
-    assert tally(SUMMED) == f"Of the 6 statements of the paper that are checked {told}"
+    assert tally(SUMMED) == f"Of 6 statements of the paper, {told}"
 
 
 def test_sums_are_by_kind_in_the_order_of_their_weight():
@@ -294,10 +294,10 @@ def test_only_results_and_mathematics_fail_in_substance():
 @pytest.mark.parametrize(
     ("missing", "end"),
     [
-        ((), "statements of the paper that are checked 1 holds."),
-        (("derive", "stability"), "snakemake -j2 derive stability decides all of those left open (50 s, 70 s)."),
-        (("all", "derive"), "snakemake -j2 derive decides most of those left open (50 s)."),
-        (("all",), "1 holds, 1 not decided here."),
+        ((), "statements of the paper, 1 holds"),
+        (("derive", "stability"), "; snakemake -j2 derive stability decides them (50 s, 70 s)"),
+        (("all", "derive"), "; snakemake -j2 derive decides most of them (50 s)"),
+        (("all",), "1 holds, 1 not decided here"),
     ],
 )
 def test_run_names_command_that_decides_what_it_leaves_open(tmp_path, missing, end):
@@ -305,7 +305,7 @@ def test_run_names_command_that_decides_what_it_leaves_open(tmp_path, missing, e
     document = tmp_path / "claims.json"
     document.write_text(json.dumps(entries), encoding="utf-8")
     line = verdicts_line(document, "snakemake -j2")
-    assert line.startswith(f"Of the {len(entries)} statements")
+    assert line.startswith(f"Of {len(entries)} statements")
     assert line.endswith(end)
     other = verdicts_line(document, "snakemake -j2 --configfile a.yaml")
     assert other == re.sub("(snakemake -j2.*?)( decides)", r"\1 --configfile a.yaml\2", line)

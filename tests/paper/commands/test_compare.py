@@ -109,7 +109,7 @@ def test_settings_code_and_versions_are_those_of_newest_successful_run(copy, cap
         ("version", "numba", "0.68.1", "0.69"),
     ]
     assert main(["compare", "paper", "copy"]) == 1
-    assert re.search(r": the numbers are the same; \d+ differences \(.*\) in what made them\n", capsys.readouterr().out)
+    assert re.search(r": identical numbers; \d+ differences \(.*\) in what made them\n", capsys.readouterr().out)
 
 
 def test_settings_code_and_versions_in_attributes_of_cube_are_compared(copy, capsys):
@@ -185,7 +185,7 @@ def test_without_manifest_variable_says_itself_that_it_is_volatile(copy, capsys)
 def test_a_damaged_file_is_named(copy, capsys):
     (copy / "tables/claims.json").write_text("[{}]")
     assert main(["compare", "paper", "copy"]) == 2
-    assert "results/copy/tables/claims.json is damaged: its bytes are not those" in capsys.readouterr().err
+    assert "results/copy/tables/claims.json is damaged: its bytes differ" in capsys.readouterr().err
     write_manifest(copy)
     assert main(["compare", "paper", "copy"]) == 2
     assert "results/copy/tables/claims.json holds no claims" in capsys.readouterr().err

@@ -96,7 +96,7 @@ def test_columns_and_limit_cut_table_and_units_are_told(project, capsys):
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].split() == ["system", "tau", "perihelion_advance"]
     assert lines[1].split()[:2] == ["kepler", "876.6"]
-    assert lines[-2:] == ["49 of 49 runs, of which 2 are shown", "kepler: tau in h, perihelion_advance in rad"]
+    assert lines[-2:] == ["49 of 49 runs, 2 shown", "kepler: tau in h, perihelion_advance in rad"]
     assert told(capsys, "paper", "--limit", "0") == []
 
 

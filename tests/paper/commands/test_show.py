@@ -121,7 +121,7 @@ def test_results_without_trajectories_or_manifest_say_so(project, capsys):
     assert told["samples_kept"] is None
     assert main(["show", "paper", "kepler", "ruth", "30"]) == 0
     text = capsys.readouterr().out
-    assert "there is no run file that holds it" in text
+    assert "The results have no run file with this trajectory" in text
     assert "results/paper has no manifest.json" in text
 
 

@@ -93,7 +93,7 @@ def test_no_command_runs_definition_of_cube_or_run_file(project, evil, capsys):
     with trusting_only([]), pytest.raises(UntrustedFileError, match="is Python code, which is not run"):
         rerun(project, 1000)
     assert tried("show paper mine ruth 50") == 0
-    assert f"those in {evil}, Python code that this command does not run" in capsys.readouterr().out
+    assert f"are in {evil}, whose code this command does not run" in capsys.readouterr().out
     for command in COMMANDS:
         tried(command)
     assert not Path("ran").exists()

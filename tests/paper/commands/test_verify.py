@@ -41,7 +41,7 @@ def test_each_fault_is_told_with_what_mends_it(results, capsys):
     assert main(["verify", "paper"]) == 1
     text = capsys.readouterr().out
     assert text.startswith("results/paper: 1 fault\n")
-    assert "is damaged: its bytes are not those that its job wrote" in text
+    assert "is damaged: its bytes differ from what its job wrote" in text
     assert f"Make it again: snakemake -j2 --force {CUBE}" in text
     assert main(["verify", "paper", "--rerun", "2"]) == 1
     assert "no run was integrated again, since there are faults" in capsys.readouterr().out

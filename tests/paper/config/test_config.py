@@ -140,7 +140,7 @@ def test_number_of_command_line_is_its_decimal_digits_or_refused():
 def test_name_of_the_paper_warns_in_another_config(capsys, name, place, warns):
     warn_of_name(name, [place])
     said = capsys.readouterr().err
-    assert said.startswith("nearharmonic: warning: name = 'paper' is that of config/config.yaml") is warns
+    assert said.startswith("nearharmonic: warning: name = 'paper' is the name of config/config.yaml") is warns
     assert bool(said) is warns
 
 

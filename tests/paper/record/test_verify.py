@@ -48,7 +48,7 @@ def test_every_single_flipped_bit_is_found(results, name):
         damaged[bit // 8] ^= 1 << bit % 8
         (results / name).write_bytes(damaged)
         (found,) = faults(results)
-        assert (found.file, found.says) == (name, "is damaged: its bytes are not those that its job wrote")
+        assert (found.file, found.says) == (name, "is damaged: its bytes differ from what its job wrote")
         assert found.mend.startswith("Make it again: snakemake -j2 --configfile config/smoke.yaml --force ")
         assert found.mend.endswith(name)
 
@@ -107,9 +107,9 @@ def edit(results, **changes):
         ({"systems": ["kepler"]}, "was made with other code (and 4 more), by"),
         (
             {"systems": ["no_more"]},
-            "was made with other code, of which something is not here (unknown system 'no_more'",
+            "was made with other code, part of which is missing here (unknown system 'no_more'",
         ),
-        ({"function": "gone.run:measure"}, "was made with other code, of which something is not here (no module"),
+        ({"function": "gone.run:measure"}, "was made with other code, part of which is missing here (no module"),
     ],
 )
 def test_other_code_and_coefficients_are_reported_once_per_function(results, changes, says):
@@ -220,7 +220,7 @@ def test_a_changed_receipt_is_named(results):
     place = results / "logs/a.json"
     place.write_text(place.read_text().replace('"size": 10', '"size": 11'))
     (found,) = faults(results)
-    assert (found.file, found.says) == ("logs/a.json", "is no receipt as its job wrote it")
+    assert (found.file, found.says) == ("logs/a.json", "is a damaged receipt")
 
 
 def test_a_temporary_file_is_named(results):

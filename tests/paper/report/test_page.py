@@ -220,7 +220,7 @@ def test_page_of_own_systems_is_theirs_and_names_leftovers(tmp_path, monkeypatch
     named = [words for _, words in found.all("code") if "gone" in words]
     assert named == ["cubes/gone_away", "figures/gone_away_energy_error"]
     assert text.count("gone_away") == 2
-    assert "largest (A) and mean (B) energy error" in text
+    assert "Maximum (A) and mean (B) energy error" in text
     assert "Energy errors are |ΔH| (J)." in text
 
 

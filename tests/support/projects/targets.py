@@ -50,7 +50,7 @@ _OF_EXPERIMENTS = {
 _PAPER = _EXPERIMENTS["paper"]
 _DRAWN = figures_of(SYSTEMS, [stem for one in _EXPERIMENTS.values() for stem in one.cubes])
 #: The paper's figures by target.
-FIGURES = {one.target: figures(one.stem) for one in _DRAWN if one.experiment == "paper"}
+FIGURES = {one.target: figures(one.stem) for one in _DRAWN if one.experiment == "paper" and one.by_default}
 #: The pages of figures without a number.
 _OWN = ("sho", "henon_heiles", "kepler")
 _ALONE = {f"figure-{system}_energy_error.html" for system in SYSTEMS if system not in _OWN}

@@ -159,7 +159,7 @@ def sincos(high: LLVMValue, low: LLVMValue) -> list[LLVMValue]:
 
 
 def extended_quarter_turns(x: LLVMValue, x_low: LLVMValue) -> list[LLVMValue]:
-    """Return a number whose last bits are those of the number of quarter turns, and the rest as a pair."""
+    """Return a number with the last bits of the number of quarter turns, and the rest as a pair."""
     shifted = x.fma(table.TWO_OVER_PI, ROUNDER)
     n = ROUNDER - shifted
     terms = [n.fma(table.HALF_PI[0], x), x_low]  # exact

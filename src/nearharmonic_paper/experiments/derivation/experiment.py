@@ -20,7 +20,7 @@ class DerivationSettings:
 
     __pydantic_config__ = STRICT
 
-    seed: int = setting("Of all random starts; the same seed gives the same tables", default=1, **whole_from(0))
+    seed: int = setting("Seed of all random starts; the same seed gives the same tables", default=1, **whole_from(0))
     starts: int = setting(
         "Random starts for each case that its conditions isolate", default=20_000, **whole_from(1, MOST_STARTS)
     )

@@ -44,7 +44,7 @@ def solutions(cases: Sequence[sets.IsolatedSolutions]) -> Table:
                 case.equations.stages, case.equations.harmonic_order, number + 1, *halves, root.sum_of_absolute_values,
                 root.hits, _yes(root.proved), nstr(root.distance, 2), nstr(root.residual, 2), _yes(root.eliminated),
             ))  # fmt: skip
-    return Table(header=header, rows=rows, caption="Every real solution of the isolated cases.")
+    return Table(header=header, rows=rows, caption="All real solutions of the isolated cases.")
 
 
 def counts(cases: Sequence[sets.IsolatedSolutions]) -> Table:
@@ -67,7 +67,7 @@ def reach_of_stages(reaches: Sequence[sets.Reach]) -> Table:
     """Tabulate the paper's remark on stages: lambda_max and the largest harmonic order with a real solution."""
     header = ("stages", "lambda_max", "harmonic order reached", "solutions at order s + 1", "starts", "proved largest")
     rows = [(r.stages, r.lambda_max, r.harmonic_order, r.solutions, r.starts, _yes(r.proved_largest)) for r in reaches]
-    return Table(header=header, rows=rows, caption="The harmonic order that a number of stages reaches.")
+    return Table(header=header, rows=rows, caption="Largest harmonic order by number of stages.")
 
 
 def families(printed: Sequence[sets.PrintedPoint], rankings: Sequence[sets.Ranking]) -> Table:
@@ -88,13 +88,13 @@ def families(printed: Sequence[sets.PrintedPoint], rankings: Sequence[sets.Ranki
             _yes(point.proof.proved), rank.members, rank.sum_of_absolute_values, rank.smaller_sum,
             rank.smaller_higher[0], rank.better_in_all, rank.smallest_sum, rank.nearest,
         ))  # fmt: skip
-    return Table(header=header, rows=rows, caption="Printed members of families, and their rank in them.")
+    return Table(header=header, rows=rows, caption="Printed members of families, and their ranks.")
 
 
 def routes(
     cases: Sequence[sets.IsolatedSolutions], simplex: Sequence[SimplexRun], seconds: Mapping[str, float]
 ) -> Table:
-    """Compare our method (``cases``) with that of the paper (``simplex``) by digits and work.
+    """Compare our method (``cases``) with the paper's (``simplex``) by digits and work.
 
     ``seconds`` are wall times on this machine, of our method by case among others.
     """
@@ -115,7 +115,7 @@ def routes(
             "adaptive simplex, 2048 bits", run.stages, start, reached, nstr(run.outcome.kappa_max, 2), agrees,
             run.outcome.evaluations, run.outcome.restarts, run.outcome.seconds,
         ))  # fmt: skip
-    caption = "Two routes to the coefficients; seconds are of this run."
+    caption = "Two routes to the coefficients, with the seconds of this run."
     return Table(header=header, rows=rows, caption=caption, volatile=["seconds"])
 
 
@@ -135,7 +135,7 @@ def solution_errors(isolated: sets.IsolatedSolutions, tau_per_stage: Sequence[fl
             for per_stage, tau, error in zip(tau_per_stage, taus, measured, strict=True):
                 known = float(harmonic_energy_error(tableau, tau, first=first))
                 rows.append((number + 1, first, per_stage, known, error))
-    caption = "The five-stage solutions at work: energy errors of all of them, in both roles."
+    caption = "Energy errors of all five-stage solutions, drift first and kick first."
     return Table(header=header, rows=rows, caption=caption)
 
 

@@ -23,7 +23,7 @@ class ExactOscillatorSettings:
     __pydantic_config__ = entries.STRICT
 
     integrators: tuple[str, ...] = entries.setting(
-        "Methods that solve the oscillator exactly; those of the figures split into T and V",
+        "Methods that solve the oscillator exactly, beside the methods with T and V",
         "a list of at least one integrator, each named once",
         each="the name of an integrator, or the path of a Python file that defines TABLEAU or TABLEAUS",
         default=("aba104", "aba864", "aba1064", "rnia12", "na7", "trained_exact_light", "trained_exact_fine"),
@@ -60,5 +60,5 @@ class ExactOscillatorSettings:
         return expanded(self.integrators)
 
     def surfaces(self) -> list[float]:
-        """Return the energies from the smallest amplitude to that of escape."""
+        """Return the energies from the smallest amplitude to escape."""
         return geometric(1 / 80_000, 1 / 6, self.energies)

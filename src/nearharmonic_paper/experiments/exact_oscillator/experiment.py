@@ -10,12 +10,12 @@ FIGURES = {
         cube="exact_oscillator",
         category="Beyond the paper",
         caption=(
-            "Energy error against amplitude at equal numbers of force evaluations, Henon-Heiles system, for step "
-            "sizes per stage as each panel says. Solid: the paper's methods, which split H into T and V. Dashed: "
-            "methods for near-integrable systems and trained ones, with the oscillator solved exactly by rotations "
-            "and the cubic terms in the kicks. Medians, over trajectories drawn from each energy surface, of the "
-            "largest error at any step. Thin vertical lines: where a dashed curve crosses the best of the solid ones; "
-            "the grey strips are their 95 % intervals. Left of its line, solving the oscillator exactly errs less."
+            "Energy error of the Hénon-Heiles system against amplitude, at equal numbers of force evaluations; the "
+            "step size per stage is in each panel. Solid: the paper's methods, which split H into T and V. Dashed: "
+            "methods for near-integrable systems and trained ones, with the oscillator solved exactly by rotations and "
+            "the cubic terms in the kicks. A point is the median of the maximum error over trajectories drawn from an "
+            "energy surface. Thin vertical lines: where a dashed curve crosses the best solid one, with 95 % intervals "
+            "in grey. Left of its line, solving the oscillator exactly has the smaller error."
         ),
     ),
     "exact_oscillator_charge": Figure(
@@ -24,11 +24,11 @@ FIGURES = {
         cube="exact_oscillator",
         category="Beyond the paper",
         caption=(
-            "Amplitude up to which a method with the oscillator solved exactly errs less than the best of the paper's "
-            "methods with T and V, against what an evaluation with the exact oscillator costs, relative to one of T "
-            "and V; at a charge c its steps are c times as long. Bands are 95 % intervals. At charge 1 the two are "
-            "compared by evaluations, at the ratio of their measured times by time: that ratio is in the table of "
-            "times. A curve ends where the exact oscillator errs less at no amplitude."
+            "Amplitude up to which a method that solves the oscillator exactly has a smaller error than the best of "
+            "the paper's methods, which split H into T and V. The axis is its charge: the cost of its evaluation "
+            "relative to one with T and V. At a charge c its steps are c times as long. Bands are 95 % intervals. "
+            "Charge 1 compares by evaluations; the ratio of measured times compares by time. A curve ends where no "
+            "amplitude favours the exact oscillator."
         ),
     ),
 }

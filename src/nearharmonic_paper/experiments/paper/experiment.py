@@ -37,7 +37,7 @@ def _exact_decimal(value: object) -> str:
 _NUMBER = (("type", ("number", "string")),)
 #: A finite number or its decimal string, as a decimal string with all digits.
 ExactDecimal = Annotated[str, Reading(_exact_decimal, _NUMBER)]
-_OF_PARAMETER = (("description", "Value"), ("allowed", FINITE), ("unit", "that of the parameter"))
+_OF_PARAMETER = (("description", "Value"), ("allowed", FINITE), ("unit", "the unit of the parameter"))
 ParameterValue = Annotated[str, Reading(_exact_decimal, (*_NUMBER, *_OF_PARAMETER))]
 
 
@@ -69,7 +69,7 @@ class SystemSettings:
     file: str | None = setting(
         "Python file that defines SYSTEM, the system of this name; looked for from the working directory, then from "
         "the folder of the config",
-        "the path of a Python file, for a name that is not that of a registered system",
+        "the path of a Python file, for a name that is not registered",
         default=None,
     )
     system: str | None = setting(
@@ -79,7 +79,7 @@ class SystemSettings:
     )
     label: str | None = setting(
         "Name of the system in titles; its own if not given",
-        "a text of at most 100 characters, for a name that is not that of a registered system",
+        "a text of at most 100 characters, for a name that is not registered",
         default=None, min_length=1, max_length=100,
     )  # fmt: skip
     q0: tuple[ExactDecimal, ...] | None = setting(
@@ -95,7 +95,7 @@ class SystemSettings:
     parameters: Mapping[str, ParameterValue] | None = setting(
         "Parameters of the system that have other values than its own",
         "a mapping of names of parameters to numbers",
-        unit="that of the parameter", each=FINITE, default=None,
+        unit="the unit of the parameter", each=FINITE, default=None,
     )  # fmt: skip
     tau_per_stage: StepSizes = setting(
         "The step sizes, divided by the number of stages so that equal values cost equal work"
@@ -111,7 +111,7 @@ class SystemSettings:
     split: Split | None = setting(
         "Parts of H that drifts and kicks solve: T and V, if not given; or T with the oscillators whose frequencies "
         "the system declares, and the rest of V",
-        "one of kinetic_potential, exact_oscillator, for a name that is not that of a registered system",
+        "one of kinetic_potential, exact_oscillator, for a name that is not registered",
         default=None,
     )
 
@@ -123,12 +123,12 @@ _PROFILE: Any = {"draw": "nearharmonic.plotting.style:draw_profile", "profile": 
 _GAIN: Any = {
     "draw": "nearharmonic_paper.experiments.paper.figures:gain", "cubes": ("henon_heiles", "kepler"), "method": "ruth",
     "caption": (
-        "Energy error of Ruth's method divided by the error of each method at the same step size per stage tau/s, that "
-        "is at equal cost: at 100 the error is 100 times smaller than Ruth's. Bold curves are the methods of Nielsen "
-        "(2015) and those found here. They gain orders of magnitude on the Hénon-Heiles system, which is nearly "
-        "harmonic, and a factor on the eccentric orbit of Mercury. Yosh s7o6 A has order six, so its gain grows as "
-        "steps shrink. Each point is two whole runs in double precision. A curve ends on the left where an error is "
-        "below 2e-15, near the rounding of a double, and on the right where Ruth's error exceeds 1 %."
+        "Energy error of Ruth's method divided by the error of each method at the same step size per stage tau/s, "
+        "which means equal cost. At 100 the error is 100 times smaller than Ruth's. Bold curves are the methods of "
+        "Nielsen (2015) and those found here. They gain orders of magnitude on the Hénon-Heiles system, which is "
+        "nearly harmonic, and a factor on the eccentric Sun-Mercury system. Yosh s7o6 A has order six, so its gain "
+        "grows as steps shrink. Each point is two whole runs in double precision. A curve ends on the left where an "
+        "error is below 2e-15, near the rounding of a double, and on the right where Ruth's error exceeds 1 %."
     ),
 }  # fmt: skip
 
@@ -141,12 +141,12 @@ FIGURES = {
     "fig1_sho": Figure(
         title="Energy error of the oscillator", cube="sho", target="fig1", **_PROFILE,
         caption=(
-            "Benchmark profile for the simple harmonic oscillator, t in [0, 500]: largest (A) and mean (B) relative "
-            "energy error over every step of a run, against step size per stage tau/s; each point is a whole run. "
-            "Solid lines with markers: double precision with compensated summation; dashed lines of the same colour: "
-            "extended precision (double-double), which goes on below the rounding floor of a double. Filled markers "
-            "are the methods of Nielsen (2015): their slope is 6, although their general order is 4. A curve ends "
-            "where the method becomes unstable."
+            "Maximum (A) and mean (B) relative energy error of the simple harmonic oscillator over every step, t in "
+            "[0, 500], against step size per stage tau/s. Each point is a whole run. Solid lines with markers: double "
+            "precision, compensated summation. H is evaluated in double-double, from the state and its compensation, "
+            "so these runs resolve errors below 1e-16. Dashed: extended precision, with states in double-double too. "
+            "Filled markers: methods of Nielsen (2015), which have slope 6 here and order 4 in general. The strip "
+            "above a panel marks runs that diverged or are off the scale."
         ),
     ),
     "fig2_decomposition": Figure(
@@ -154,46 +154,45 @@ FIGURES = {
         title="Error terms of the harmonic oscillator", cube="sho_terms", target="fig2",
         caption=(
             "Position error terms of one step for the simple harmonic oscillator (Nielsen 2015, Eq. 17, "
-            "dimensionless). A: kappa of order lambda, up to the highest order that a method's stages reach, for the "
-            "ABA composition (outer row drifts q; circles around the method's marker) and the BAB composition (outer "
-            "row kicks p; lines) of the same coefficients; circles and lines of one method meet at even orders. The "
-            "inset has the methods with a term above 1000. B: the orders whose term vanishes, below 1e-30 in "
-            "multiprecision, as circle (ABA) and bar (BAB). The harmonic order of the position is the last order "
-            "before the first gap."
+            "dimensionless). A: kappa by order lambda, up to the highest order that a method's stages reach. Circles "
+            "around the markers: ABA composition (outer row drifts q). Lines: BAB composition of the same coefficients "
+            "(outer row kicks p). Both meet at even orders. The inset has the methods with a term above 1000. B: "
+            "orders whose term vanishes (below 1e-30 in multiprecision), as circle (ABA) and bar (BAB). The harmonic "
+            "order of the position is the last order before the first gap."
         ),
     ),
     "fig3_henon_heiles": Figure(
         title="Energy error of the Hénon-Heiles system", cube="henon_heiles", target="fig3", **_PROFILE,
         caption=(
-            "Benchmark profile for the Hénon-Heiles system at H = 1/8, t in [0, 500]: largest (A) and mean (B) "
-            "relative energy error over every step of a run, against step size per stage tau/s; each point is a whole "
-            "run in double precision with compensated summation. Where the steps are large, methods solved for the "
-            "harmonic oscillator (filled markers) fall faster than their order 4, as the system is then close to an "
-            "oscillator. A curve ends where runs leave their energy surface."
+            "Maximum (A) and mean (B) relative energy error of the Hénon-Heiles system at H = 1/8 over every step, t "
+            "in [0, 500], against step size per stage tau/s. Each point is a whole run in double precision with "
+            "compensated summation. H is evaluated in double-double, which resolves errors below 1e-16. At large "
+            "steps, methods of higher harmonic order (filled markers) fall faster than order 4, as the system is close "
+            "to an oscillator. The strip above a panel marks runs that diverged or are off the scale."
         ),
     ),
     "fig4_perihelion": Figure(
         draw="nearharmonic_paper.experiments.paper.figures:fig4_perihelion",
         title="Advance of the perihelion against force evaluations per orbit", cube="kepler", target="fig4",
         caption=(
-            "Spurious advance of Mercury's perihelion: absolute rate of rotation of the Laplace-Runge-Lenz vector, by "
-            "linear regression over the orbits of ten years, in radians per orbit (left) and arcseconds per century "
-            "(right), against force evaluations per orbit. A dot is a run, every few of them carry the method's "
-            "marker; bars show the 95 % interval of the fit where it exceeds the dot. Crosses are runs whose interval "
+            "Spurious advance of Mercury's perihelion against force evaluations per orbit, in radians per orbit (left) "
+            "and arcseconds per century (right). It is the absolute rate of rotation of the Laplace-Runge-Lenz vector, "
+            "by linear regression over the orbits of ten years. A dot is a run, and every few dots carry the method's "
+            "marker. Bars show the 95 % interval of the fit where it exceeds the dot. A cross is a run whose interval "
             "includes zero. The dashed line is the advance that general relativity explains, 42.98 arcseconds per "
-            "century: a run above it errs by more than that. Grey at the top, above 0.1 rad per orbit: the path is "
-            "far from an ellipse, and curves no longer follow the order of their method. Grey at the bottom, below "
-            "1e-15 rad per orbit: rounding errors of doubles dominate."
+            "century. Grey at the top, above 0.1 rad per orbit: the path is far from an ellipse, and curves no longer "
+            "follow the order of their method. Grey at the bottom, below 1e-15 rad per orbit: rounding errors of "
+            "doubles dominate."
         ),
     ),
     "fig5_kepler": Figure(
         title="Energy error of the Sun-Mercury system", cube="kepler", target="fig5", **_PROFILE,
         caption=(
-            "Benchmark profile for the planar Sun-Mercury system over ten years (87 660 h): largest (A) and mean (B) "
-            "relative energy error over every step of a run, against step size per stage tau/s in hours; each point "
-            "is a whole run in double precision with compensated summation. The largest error comes at perihelion "
-            "passages, so the two panels rank the methods differently. A curve ends where runs leave their energy "
-            "surface."
+            "Maximum (A) and mean (B) relative energy error of the planar Sun-Mercury system over every step in ten "
+            "years (87 660 h), against step size per stage tau/s in hours. Each point is a whole run in double "
+            "precision with compensated summation. H is evaluated in double-double, which resolves errors below 1e-16. "
+            "The error is largest at perihelion passages, so the two panels rank the methods differently. The strip "
+            "above a panel marks runs that diverged or are off the scale."
         ),
     ),
     "fig6_substeps": Figure(
@@ -213,23 +212,23 @@ FIGURES = {
     ),
     "fig6_displaced": Figure(
         draw="nearharmonic_paper.experiments.paper.figures:fig6_displaced",
-        title="Panel (D) of Figure 6 beside its plane", cube="substeps_displaced",
+        title="Panel (D) of Figure 6 outside its plane", cube="substeps_displaced",
         caption=(
-            "Panel D of Figure 6 beside its plane: BABs7o7H on the Hénon-Heiles system with tau = 2 from q_y = p_y = "
-            "0.4 and p_x = 0, with q_x = 0 and with four other values of q_x, over 100 000 iterations with "
-            "compensated (A) and plain sums (B). A curve is the largest relative energy error since its previous "
-            "point. Inside the plane q_x = 0 the error stays bounded (black). From every other start the path leaves "
-            "its energy surface (cross, at |dH/H0| = 1), even from 10^-12. Rounding decides at which iteration: the "
-            "crosses of A and B differ, and another order of the same operations moves them as well."
+            "Panel D of Figure 6 from starts outside its plane: BABs7o7H on the Hénon-Heiles system with tau = 2, q_y "
+            "= p_y = 0.4 and p_x = 0, for q_x = 0 and four other values of q_x, over 100 000 iterations with "
+            "compensated (A) and plain sums (B). A curve is the maximum relative energy error since its previous "
+            "point. In the plane q_x = 0 (black) the error stays bounded. From every other start, even q_x = 10^-12, "
+            "the path leaves its energy surface (cross, at |dH/H0| = 1). Rounding decides at which iteration: the "
+            "crosses of A and B differ, and the order of operations moves them too."
         ),
     ),
     "{system}_energy_error": Figure(
         title="Energy error", cube="{system}", **_PROFILE,
         caption=(
-            "Benchmark profile: largest (A) and mean (B) relative energy error over every step of a run, against step "
-            "size per stage tau/s; each point is a whole run. Dashed lines, if any, are in extended precision. A "
-            "curve ends where runs leave their energy surface. Filled markers are the methods of Nielsen (2015) and "
-            "those found here."
+            "Maximum (A) and mean (B) relative energy error over every step of a run, against step size per stage "
+            "tau/s. Each point is a whole run. Dashed lines, if any, are in extended precision. Filled markers are the "
+            "methods of Nielsen (2015) and those found here. The strip above a panel marks runs that diverged or are "
+            "off the scale."
         ),
     ),
 }  # fmt: skip

@@ -153,7 +153,7 @@ def _left_out(system: str) -> tuple[str, ...]:
 
 
 def numbers(runs: xr.Dataset) -> xr.Dataset:
-    """Return the numbers of ``runs`` over tau_per_stage: those of the file, and the results of the reductions."""
+    """Return the numbers of ``runs`` over tau_per_stage: from the file, and from the reductions."""
     if "sample" not in runs.dims:
         return runs  # reduced already
     runs = runs.reset_coords()  # xarray compares auxiliary coordinates at every operation

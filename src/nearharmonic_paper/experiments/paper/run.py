@@ -1,4 +1,4 @@
-"""Runs of one method on one system: shards, plan, integration, and a table of what the plan leaves out.
+"""Runs of one method on one system: shards, plan, integration, and a table of the runs that the plan leaves out.
 
 :mod:`nearharmonic_paper.experiments.paper.reductions` derives further quantities.
 """
@@ -246,10 +246,10 @@ def omissions(sweep: Sweep, integrator: str) -> Iterator[Omission]:
         # The force of the last kick of a step is reused by the next step.
         handed_on = kept[kept > 1] if tableau.first_same_as_last else kept[:0]
         for what, reason, runs, saved in (
-            ("runs of a step size", "it rounds to as many steps as its neighbour", repeated, None),
+            ("runs with as many steps as their neighbour", "each number of steps is run once", repeated, None),
             ("runs in extended precision", "in double, the error is over 100 times the rounding floor", far, None),
             ("runs for the perihelion alone", "figures 4 and 5 share one pass", again, None),
-            ("the force that opens a step", "it closed the step before", handed_on, (handed_on - 1).sum()),
+            ("first force of a step", "reused from the step before", handed_on, (handed_on - 1).sum()),
         ):
             if runs.size:
                 evaluations = int(tableau.evaluations(runs).sum() if saved is None else saved)
@@ -267,7 +267,7 @@ NOT_ASKED = "the config does not ask for this precision"
 
 
 def skipped(sweeps: Sequence[Sweep], methods: Sequence[str], cubes: Mapping[str, xr.Dataset]) -> list[Omission]:
-    """Return the omissions of the plan, and those of runs in ``cubes`` (by system) that ended early."""
+    """Return the omissions of the plan, and of runs in ``cubes`` (by system) that ended early."""
     planned = (row for sweep in sweeps for name in methods for row in omissions(sweep, name))
     ended = (row for system, cube in cubes.items() for row in _ended_early(system, cube))
     return [*sorted(planned, key=lambda row: row.reason == NOT_ASKED), *ended]
@@ -293,7 +293,7 @@ def totals(rows: Sequence[Omission], cubes: Mapping[str, xr.Dataset]) -> list[Om
 
 
 class Totals(NamedTuple):
-    """Totals of the table: ``runs`` and evaluations ``done``, those of the ``full`` grid, those ``saved`` by reason."""
+    """Totals of the table: ``runs``, and evaluations ``done``, of the ``full`` grid, and ``saved`` by reason."""
 
     runs: int
     done: int
@@ -315,7 +315,8 @@ def totals_in(text: str) -> Totals:
 def summary_line(path: str | os.PathLike[str]) -> str:
     """Return the totals of the table at ``path`` in one line."""
     _, done, full, _ = totals_in(Path(path).read_text(encoding="utf-8"))
-    return f"{1 - done / full:.0%} of {full:.2g} force evaluations, which change no result: {os.fspath(path)}"
+    unit, word = (1e9, "billion") if full > 9.99e8 else (1e6, "million")
+    return f"Computed {done / unit:.3g} of {full / unit:.3g} {word} force evaluations; the rest cannot change a result"
 
 
 def omissions_table(sweeps: Sequence[Sweep], integrators: Sequence[str], **cubes: str) -> dict[str, Table]:

@@ -244,7 +244,7 @@ def decompose(integrators: Sequence[str]) -> dict[str, xr.Dataset]:
 
 
 def _terms(tableau: Tableau, first: First) -> list[BigFloat]:
-    """Return the terms; those that vanish to the digits of a method of few digits are 0, not their rounding errors."""
+    """Return the terms; terms that vanish to the digits of a method are 0, not their rounding errors."""
     if tableau.modified and first != tableau.first:
         return []
     terms = kappa(tableau, lambda_max(tableau, first=first), first=first)

@@ -12,34 +12,34 @@ DRAWN = {
         "Linear stability",
         "linear_stability",
         (
-            "Half the trace of the step matrix of the harmonic oscillator, polynomials in tau known exactly, against "
-            "step size per stage tau/s; cos(tau), the exact one, is the thin line. A method is stable while the curve "
-            "stays between -1 and 1; red marks the gaps where it does not, ticks at the top those too narrow to be "
-            "seen. The first edge tau* and the largest growth per step in the first gap are written in each panel. "
-            "Past the last edge none is stable."
+            "Half the trace of the step matrix of the harmonic oscillator, a polynomial in tau known exactly, against "
+            "step size per stage tau/s. The thin line is cos(tau), the half trace of the exact flow. A method is "
+            "stable while its curve stays between -1 and 1. Red marks the gaps where it does not, and ticks at the top "
+            "mark gaps too narrow to be seen. Each panel states the first edge tau* and the largest growth per step in "
+            "the first gap. Past the last edge every method is unstable."
         ),
     ),
     "henon_heiles_stability": (
-        "Ensembles on energy surfaces of Hénon and Heiles",
+        "Ensembles of the Hénon-Heiles system by energy",
         "stability_henon_heiles",
         (
-            "Henon-Heiles ensembles: for each method, four energy surfaces from H = 1/24 (top strip) to the energy of "
-            "escape, H = 1/6 (bottom strip), against the step size per stage. Colour is the median over the "
-            "trajectories of the largest energy error: the lighter the better. Grey: more than 1 % of the "
-            "trajectories left their energy surface. Dark streaks are step-size resonances; most lie below the first "
-            "linear limit (black line), where the first gap opens in which the harmonic oscillator is unstable, often "
-            "narrower than a column. Initial conditions are quasi-random in the microcanonical measure."
+            "Ensembles of the Hénon-Heiles system. Each method has four strips, one per energy surface, from H = 1/24 "
+            "(top) to the energy of escape, H = 1/6 (bottom), against step size per stage. Colour is the median over "
+            "trajectories of the maximum energy error, lighter is better. Grey: more than 1 % of the trajectories left "
+            "their energy surface. Dark streaks are step-size resonances. Most lie below the first linear limit (black "
+            "line), where the first gap opens in which the harmonic oscillator is unstable; it is often narrower than "
+            "a column. Initial conditions are quasi-random in the microcanonical measure."
         ),
     ),
     "kepler_stability": (
         "Kepler orbits by eccentricity",
         "stability_kepler",
         (
-            "Kepler orbits of eccentricity e from the apoapsis. A: largest energy error; B: spurious advance of the "
-            "perihelion in radians per orbit; each against force evaluations per orbit, one map a method, the lighter "
-            "the better. Grey: the orbit was lost (the energy error reached the energy itself, or the perihelion "
-            "turned by more than a quarter turn in an orbit). White line: energy error 1e-6. C: that line for all "
-            "methods. The eccentricity is spaced by the logarithm of the perihelion distance, 1 - e."
+            "Kepler orbits of eccentricity e from the apoapsis, one map per method, against force evaluations per "
+            "orbit; lighter is better. A: maximum energy error. B: spurious advance of the perihelion in radians per "
+            "orbit. Grey: orbit lost, because the energy error reached the energy itself or the perihelion turned by "
+            "more than a quarter turn in an orbit. White line: energy error 1e-6. C: the white lines of all methods. "
+            "The eccentricity is spaced by the logarithm of the perihelion distance, 1 - e."
         ),
     ),
     "rounding_growth": (
@@ -47,22 +47,22 @@ DRAWN = {
         "stability_rounding",
         (
             "Effect of rounding alone on Kepler orbits over a long time, as root mean square over an ensemble. A: "
-            "energy; B: lag along the track, as mean anomaly. Solid: plain summation; dashed: compensated; "
-            "dash-dotted: extended precision; dotted: the lag that coefficients rounded to double cause in exact "
-            "arithmetic, proportional to time, which no summation removes. Grey: Brouwer's law for independent "
-            "errors, t^1/2 and t^3/2. C, D: the exponents fitted, with 95 % intervals by the jackknife over orbits."
+            "energy. B: lag along the track, as mean anomaly. Solid: plain summation. Dashed: compensated. "
+            "Dash-dotted: extended precision. Dotted: the lag, proportional to time, that coefficients rounded to "
+            "double cause in exact arithmetic; no summation removes it. Grey: Brouwer's law for independent errors, "
+            "t^1/2 and t^3/2. C, D: fitted exponents, with 95 % intervals by the jackknife over orbits."
         ),
     ),
     "kinetic_energy": (
-        "A kinetic energy that is not quadratic",
+        "Kinetic energy that is not quadratic",
         "kinetic_energy",
         (
-            "Relativistic oscillator, H = sqrt(1 + p^2) - 1 + q^2/2, t in [0, 500], from q = A at rest. A, B: largest "
-            "energy error over every step against step size per stage, at a small and at a relativistic amplitude. C: "
-            "the same at tau/s = 0.05 against amplitude, over that of Ruth's method: the lead of the harmonic methods "
-            "shrinks as T departs from p^2/2. D: the same with the roles of T and V exchanged, which puts the "
-            "departure into V and leaves T quadratic; what C loses and D keeps is due to the shape of T alone. Filled "
-            "markers: Nielsen (2015)."
+            "Relativistic oscillator, H = sqrt(1 + p^2) - 1 + q^2/2, t in [0, 500], from q = A at rest. A, B: maximum "
+            "energy error against step size per stage, at a small and at a relativistic amplitude. C: the error at "
+            "tau/s = 0.05 relative to Ruth's method, against amplitude. The lead of the harmonic methods shrinks as T "
+            "departs from p^2/2. D: C with the roles of T and V exchanged, which moves the departure into V and leaves "
+            "T quadratic. A lead that C loses and D keeps depends on the shape of T alone. Filled markers: Nielsen "
+            "(2015)."
         ),
     ),
 }
@@ -77,9 +77,9 @@ ENSEMBLES = ("henon_heiles", "kepler", "rounding")
 
 
 def intervals(config: Any) -> dict[str, str]:
-    """Return the end of the interval of each autonomous system: that of the config, or else that of the system.
+    """Return the end of the interval of each autonomous system, from the config or else from the system.
 
-    A regularised system is integrated in another phase space than that of its states, and left out.
+    Regularised systems are left out, since their phase space is not the one of their states.
     """
     own = {n: one.t_end for n, one in systems.items() if not one.time_dependent and one.regularisation is None}
     return own | {sweep.system: sweep.t_end for sweep in config.sweeps if sweep.system in own}

@@ -171,7 +171,7 @@ def henon_heiles_table(cube: xr.Dataset) -> Table:
         if np.isfinite(trusted):
             errors = [one.energy_error.sel(tau_per_stage=trusted, quantile=q).item() for q in (0.5, 1.0)]
         rows.append([str(name), float(energy), limit, trusted, *errors, trusted / limit])
-    caption = f"Henon-Heiles ensembles: largest tau/s up to which at most {TOLERATED:.0%} of the trajectories escape."
+    caption = f"Hénon-Heiles ensembles: largest tau/s up to which at most {TOLERATED:.0%} of the trajectories escape."
     return Table(header=header, rows=rows, caption=caption)
 
 
@@ -264,7 +264,7 @@ def kepler_table(cube: xr.Dataset) -> Table:
     return Table(
         header=["integrator", *(f"e_{e:.3f}" for e in shown.eccentricity.values)],
         rows=[[str(name), *map(float, shown.sel(integrator=name).values)] for name in cube.integrator.values],
-        caption=f"Kepler: force evaluations per orbit from which on the largest energy error stays below {CONTOUR:g}.",
+        caption=f"Kepler orbits: force evaluations per orbit above which the energy error stays below {CONTOUR:g}.",
     )
 
 
@@ -397,7 +397,7 @@ def kinetic_energy_table(cube: xr.Dataset) -> Table:
             values = [float(x) for x in ratio.sel(integrator=name, roles=roles).values]
             rows.append((name, roles, *values, values[amplitudes.index(1.0)] / values[0]))
     header = ("integrator", "roles", *(f"error / Ruth's at A = {a:g}" for a in amplitudes), "decline to A = 1")
-    caption = "largest energy error at tau/s = 0.05 over that of Ruth's method, by amplitude A."
+    caption = "maximum energy error at tau/s = 0.05 relative to Ruth's method, by amplitude A."
     return Table(header=header, rows=rows, caption=f"Relativistic oscillator: {caption}")
 
 
@@ -545,7 +545,7 @@ def structure_table(cube: xr.Dataset) -> Table:
     return Table(
         header=("system", "integrator", *(key.replace("_", " ") for key in keys)),
         rows=rows,
-        caption="Reversibility, symplecticity and mean energy, relative, each beside what rounding alone would give.",
+        caption="Relative errors of reversibility, symplecticity and mean energy, beside the effect of rounding alone.",
     )
 
 

@@ -100,7 +100,7 @@ class EnsembleSettings:
     )
     seed: int = setting("Chooses the quasi-random points", default=1, **whole_from(0))
     device: Literal["cpu", "gpu", "auto"] = setting(
-        "Where the trajectories run; results are bitwise identical", "one of cpu, gpu, auto", default="cpu"
+        "Device of the trajectories; results are bitwise identical", "one of cpu, gpu, auto", default="cpu"
     )
 
 

@@ -22,7 +22,7 @@ class WorkPrecisionSettings:
     __pydantic_config__ = STRICT
 
     integrators: tuple[str, ...] | None = setting(
-        "Methods beside those of the figures; if not given, all there are but the rest of the paper's Table 4",
+        "Further methods than in the figures; if not given, all except the rest of the paper's Table 4",
         "a list of integrators, each named once",
         each="the name of an integrator, or the path of a Python file that defines TABLEAU or TABLEAUS",
         default=None,
@@ -57,7 +57,7 @@ class WorkPrecisionSettings:
             one_of(f"work_precision.peers[{i}]", library, LIBRARIES)
 
     def methods(self, figures: Collection[str]) -> list[str]:
-        """Return the names of all timed methods: those of the ``figures``, then the others."""
+        """Return the names of all timed methods: first the methods of the ``figures``, then the others."""
         if self.integrators is None:
             others = tuple(name for name in integrators if integrators.module_of(name) != PAPER)
         else:

@@ -22,7 +22,7 @@ EXPERIMENT = Experiment(
         "library_times_trajectory": "One trajectory, beside other libraries",
         "library_times_ensemble": "Ensembles, beside other libraries",
         "work_precision_{system}": "Run time against error",
-        "regularised_times": "Kepler's problem regularised",
+        "regularised_times": "Regularised Kepler problem",
     },
     others=("tables/work_precision_{system}.csv", "tables/work_precision_{system}.md"),
     measured=("cubes/work_precision", "tables/", "figures/"),

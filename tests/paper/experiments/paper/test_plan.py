@@ -134,7 +134,7 @@ def test_step_sizes_with_equal_steps_share_shard():
         assert list(run.steps) == sorted(run.steps, reverse=True)
         for steps in run.steps:
             assert seen.setdefault(steps, index) == index
-    repeated = [row for row in omitted(*config(short)) if "neighbour" in row.reason and row.integrator == "ruth"]
+    repeated = [row for row in omitted(*config(short)) if "neighbour" in row.what and row.integrator == "ruth"]
     assert sum(row.runs for row in repeated) == 161 - len(seen)
 
 
@@ -203,7 +203,7 @@ def test_kepler_orbits_run_once_and_leapfrog_reuses_force():
     """
     assert found(asked_of("kepler", "leapfrog", "700", 100, 1000)) == {
         ("double", "runs for the perihelion alone"): (2, 10),
-        ("double", "the force that opens a step"): (1, 6),
+        ("double", "first force of a step"): (1, 6),
         ("extended", "runs in extended precision"): (2, 10),
     }
 
@@ -211,7 +211,7 @@ def test_kepler_orbits_run_once_and_leapfrog_reuses_force():
 def test_step_sizes_that_round_to_same_steps_are_run_once():
     """Five units of time in 2 steps of 3 x 1 (rounded from 1.67) and one step of 3 x 10 or 3 x 100."""
     assert found(asked_of("henon_heiles", "ruth", "5", 1, 100)) == {
-        ("double", "runs of a step size"): (1, 3),
+        ("double", "runs with as many steps as their neighbour"): (1, 3),
         ("extended", "runs in extended precision"): (3, 12),
     }
 
@@ -268,16 +268,16 @@ def test_totals_add_rows_of_reason_and_put_largest_first(many):
     assert {(r.system, r.integrator, r.precision) for r in (done, full, *saved)} == {("all", "all", "all")}
 
 
-def test_line_has_share_of_full_grid_that_was_left_out(tmp_path):
-    """41 forces done and 123 saved: three quarters of 164."""
+@pytest.mark.parametrize(("unit", "counts"), [(10**6, "41 of 164 million"), (10**8, "4.1 of 16.4 billion")])
+def test_line_has_evaluations_done_and_in_full_grid(tmp_path, unit, counts):
     row = plan.Omission(
         system="sho", integrator="ruth", precision="double", what="the rest of a run", reason="left", runs=1,
-        evaluations=123,
+        evaluations=123 * unit,
     )  # fmt: skip
-    rows = [row, *plan.totals([row], {"henon_heiles": runs([40], [41], ["ok"])})]
+    rows = [row, *plan.totals([row], {"henon_heiles": runs([40 * unit], [41 * unit], ["ok"])})]
     save(Table(header=plan.Omission._fields, rows=rows, caption=""), [tmp_path / "skipped.csv"])
-    place = tmp_path / "skipped.csv"
-    assert plan.summary_line(place) == f"75% of 1.6e+02 force evaluations, which change no result: {place}"
+    said = f"Computed {counts} force evaluations; the rest cannot change a result"
+    assert plan.summary_line(tmp_path / "skipped.csv") == said
 
 
 # --- Runs that an earlier config has made are taken over: what is integrated, and the bytes of the files.
