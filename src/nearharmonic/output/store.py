@@ -499,13 +499,9 @@ ZLIB_HEADER, LAST_BLOCK = b"\x78\x01", b"\x03\x00"
 
 
 def write(
-    path: str | os.PathLike[str],
-    variables: Variables,
-    attributes: Mapping[str, Any],
-    groups: Mapping[str, Variables] | None = None,
-    *,
-    coordinates: Collection[str] = (),
-) -> None:
+    path: str | os.PathLike[str], variables: Variables, attributes: Mapping[str, Any],
+    groups: Mapping[str, Variables] | None = None, *, coordinates: Collection[str] = (),
+) -> None:  # fmt: skip
     """Write ``variables`` to the root of a file, atomically, and each of ``groups`` to a group with its own dimensions.
 
     A text variable whose attributes list its possible words (``flag_meanings``) is stored as integers with

@@ -223,11 +223,8 @@ def pipes(header: Sequence[str], rows: Iterable[Sequence[Cell]], align: str = "l
     ``align`` has a letter, ``l`` or ``r``, for each column; the last letter holds for all further columns.
     """
     marks = ["---:" if align[min(i, len(align) - 1)] == "r" else "---" for i in range(len(header))]
-    return [
-        f"| {' | '.join(header)} |",
-        f"|{'|'.join(marks)}|",
-        *(f"| {' | '.join(map(_cell, row))} |" for row in rows),
-    ]
+    body = (f"| {' | '.join(map(_cell, row))} |" for row in rows)
+    return [f"| {' | '.join(header)} |", f"|{'|'.join(marks)}|", *body]
 
 
 def _cell(cell: Cell) -> str:

@@ -38,9 +38,8 @@ DASHES = ("solid", (0, (6, 2)), (0, (1, 1)), (0, (6, 2, 1, 2)))
 #: Indicators of chaos over time: name, label, and scale of the axis.
 INDICATORS = (
     ("lyapunov_exponent", r"largest exponent, $\ln(|\delta|/|\delta_0|)/t$", "log"),
-    ("megno", "MEGNO", "linear"),
-    ("sali", "SALI", "log"),
-)
+    ("megno", "MEGNO", "linear"), ("sali", "SALI", "log"),
+)  # fmt: skip
 #: Methods of a recommendation that are named beside their points: the fastest ones.
 NAMED = 8
 

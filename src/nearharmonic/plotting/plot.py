@@ -125,21 +125,17 @@ def kind_of(dataset: Any) -> str:
     dims, attributes, variables = (getattr(dataset, name, ()) for name in ("dims", "attrs", "variables"))
     if not hasattr(dataset, "data_vars"):
         return ""
-    if "lyapunov_exponent" in variables and "t" in variables:
-        return MANY_DEVIATIONS if MEMBER in dims else DEVIATIONS
-    if "max_energy_error" in variables:
-        named = "integrator" in attributes
-        for holds, kind in (
-            ({"integrator", "tau_per_stage"} <= set(dims), CUBE), (named and "tau" in dims, PROFILE),
-            (named and MEMBER in dims, ENSEMBLE),
-        ):  # fmt: skip
-            if holds:
-                return kind
-    if "crossing" in dims and "surface" in variables:
-        return SECTION
-    if "rank" in dims and {"evaluations", "time"} <= set(variables):
-        return RANKING
-    return TRAJECTORY if "integrator" in attributes and {"t", "q", "p", "energy_error"} <= set(variables) else ""
+    dims, variables, named = set(dims), set(variables), "integrator" in attributes
+    measured, followed = "max_energy_error" in variables, {"lyapunov_exponent", "t"} <= variables
+    found = {
+        MANY_DEVIATIONS: followed and MEMBER in dims, DEVIATIONS: followed,
+        CUBE: measured and {"integrator", "tau_per_stage"} <= dims,
+        PROFILE: measured and named and "tau" in dims, ENSEMBLE: measured and named and MEMBER in dims,
+        SECTION: "crossing" in dims and "surface" in variables,
+        RANKING: "rank" in dims and {"evaluations", "time"} <= variables,
+        TRAJECTORY: named and {"t", "q", "p", "energy_error"} <= variables,
+    }  # fmt: skip
+    return next((kind for kind, holds in found.items() if holds), "")
 
 
 def check_measured(given: Sequence[xr.Dataset]) -> None:

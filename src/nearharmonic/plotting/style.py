@@ -29,53 +29,34 @@ from matplotlib.ticker import FuncFormatter, LogLocator
 from nearharmonic.output.atomic import write_bytes
 from nearharmonic.output.table import power_of_ten
 from nearharmonic.plotting import profile
-from nearharmonic.plotting.profile import Line, Style, style_of
+from nearharmonic.plotting.profile import Line
 from nearharmonic.plotting.recording import Recording
 
 if TYPE_CHECKING:
     import xarray as xr
-
-
-__all__ = [
-    "SETTINGS", "Style", "house_style", "keep_inside", "label_ends", "lettered", "log_scale", "log_ticks", "mark_every",
-    "method_handles", "new_figure", "panel_letter", "png", "right_title", "save", "step_label", "style_of",
-    "write_beside",
-]  # fmt: skip
 
 for _font in sorted(Path(__file__).with_name("fonts").glob("*.ttf")):
     fontManager.addfont(_font)
 
 #: Settings of matplotlib for every figure. The fonts are files of this package: figures are the same on all machines.
 SETTINGS: Any = {
-    "font.family": ["DejaVu Figures", "DejaVu Sans"],
-    "font.size": 9,
-    "axes.labelsize": 9.5,
-    "axes.linewidth": 0.7,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "grid.color": "#d9d9d9",
-    "grid.linewidth": 0.5,
-    "xtick.direction": "in",
-    "ytick.direction": "in",
-    "xtick.top": True,
-    "ytick.right": True,
-    "lines.linewidth": 1.1,
-    "lines.markersize": 5,
-    "lines.markeredgewidth": 1.0,
-    "legend.fontsize": 8.5,
-    "legend.frameon": False,
+    "font.family": ["DejaVu Figures", "DejaVu Sans"], "font.size": 9,
+    "axes.labelsize": 9.5, "axes.linewidth": 0.7, "axes.grid": True, "axes.axisbelow": True,
+    "grid.color": "#d9d9d9", "grid.linewidth": 0.5,
+    "xtick.direction": "in", "ytick.direction": "in", "xtick.top": True, "ytick.right": True,
+    "lines.linewidth": 1.1, "lines.markersize": 5, "lines.markeredgewidth": 1.0,
+    "legend.fontsize": 8.5, "legend.frameon": False,
     "text.hinting": "none",
-    "mathtext.fontset": "custom",
-    "mathtext.it": "DejaVu Figures:italic",
-    "mathtext.bf": "DejaVu Figures:bold",
+    "mathtext.fontset": "custom", "mathtext.it": "DejaVu Figures:italic", "mathtext.bf": "DejaVu Figures:bold",
     **dict.fromkeys(("mathtext.rm", "mathtext.sf", "mathtext.tt", "mathtext.cal"), "DejaVu Figures"),
     "pdf.fonttype": 42,  # journals refuse fonts of type 3
-    "svg.fonttype": "path",
-    "svg.hashsalt": "nearharmonic",
-}
+    "svg.fonttype": "path", "svg.hashsalt": "nearharmonic",
+}  # fmt: skip
 
 #: Decorator that draws in the style of the figures and restores the matplotlib settings of the caller.
 house_style = mpl.rc_context(SETTINGS)
+#: Colour and marker of a method, for drawing code.
+style_of = profile.style_of
 
 
 class NotebookFigure(Figure):
@@ -175,17 +156,15 @@ def with_lone_points(look: dict[str, Any], values: Any) -> dict[str, Any]:
 
 def method_handles(integrators: Iterable[str], labels: Iterable[str], **changes: Any) -> list[Line2D]:
     """Return legend entries, one per method, with label, line and marker."""
-    return [
-        Line2D([], [], label=label, **style_of(name).line(**changes))
-        for name, label in zip(integrators, labels, strict=True)
-    ]
+    named = zip(integrators, labels, strict=True)
+    return [Line2D([], [], label=label, **style_of(name).line(**changes)) for name, label in named]
 
 
-def label_ends(axes: Axes, curves: Iterable[Line2D], *, left: bool = False, size: float = 7.5) -> list[Text]:
+def label_ends(axes: Axes, curves: Iterable[Line2D], *, left: bool = False) -> list[Text]:
     """Write the label of each curve beside its right or left end, in its colour a quarter darker; return the labels.
 
     Labels keep the order of the ends and move apart as little as possible, each with a line to its end. The limits and
-    the size of ``axes`` must be final. ``size`` is that of the text in points.
+    the size of ``axes`` must be final.
     """
     low, high = axes.get_xlim()
     ends: list[tuple[float, float, Line2D]] = []
@@ -194,7 +173,7 @@ def label_ends(axes: Axes, curves: Iterable[Line2D], *, left: bool = False, size
         points = points[np.isfinite(points[:, 1]) & (low <= points[:, 0]) & (points[:, 0] <= high)]
         ends += [(*axes.transData.transform(points[0 if left else -1]), curve)] if len(points) else []
     ends.sort(key=lambda end: float(end[1]))
-    count, point, side = len(ends), axes.figure.dpi / 72, "right" if left else "left"
+    count, point, side, size = len(ends), axes.figure.dpi / 72, "right" if left else "left", 7.5
     apart = 1.25 * size * point * np.arange(count)
     free = np.array([height for _, height, _ in ends]) - apart
     # Isotonic regression: the nearest heights to the ends that leave a row to each label.
@@ -203,9 +182,8 @@ def label_ends(axes: Axes, curves: Iterable[Line2D], *, left: bool = False, size
     for (x, y, curve), row in zip(ends, rows + apart, strict=True):
         ways = [(x + far * point * (-1 if left else 1), height) for far, height in ((2, y), (10, row), (12, row))]
         *leader, (beside, middle) = axes.transData.inverted().transform(ways)
-        colour = [0.75 * part for part in to_rgb(curve.get_color())]
-        look: dict[str, Any] = {"ha": side, "va": "center", "fontsize": size, "color": colour}
-        labels.append(axes.text(beside, middle, str(curve.get_label()), **look))
+        says, colour = str(curve.get_label()), [0.75 * part for part in to_rgb(curve.get_color())]
+        labels.append(axes.text(beside, middle, says, ha=side, va="center", fontsize=size, color=colour))
         leaders.append(leader)
     colours = [label.get_color() for label in labels]
     axes.add_collection(LineCollection(leaders, colors=colours, linewidths=0.5), autolim=False)
@@ -300,12 +278,9 @@ def draw_profile(cube: xr.Dataset) -> Figure:
 
 @house_style
 def draw_profiles(
-    curves: Sequence[Line],
-    looks: Sequence[Mapping[str, Any]],
-    handles: Sequence[Line2D],
-    unit: str,
+    curves: Sequence[Line], looks: Sequence[Mapping[str, Any]], handles: Sequence[Line2D], unit: str,
     given: Sequence[xr.Dataset],
-) -> Figure:
+) -> Figure:  # fmt: skip
     """Draw the maximum (top) and the mean (bottom) energy errors of methods against the step size per stage.
 
     ``looks`` are changes of the style of each curve, ``handles`` the entries of the legend. Of the Datasets ``given``
@@ -377,10 +352,8 @@ def say_if_empty(axes: Axes, errors: Iterable[Any]) -> bool:
     values = np.concatenate([np.ravel(one) for one in errors])
     if np.any(np.isfinite(values) & (values > 0)):
         return False
-    if np.isinf(values).any():
-        text = "every run diverged: it left its energy surface"
-    else:
-        text = "every energy error is 0" if np.any(values == 0) else "no energy errors"
+    text = "every energy error is 0" if np.any(values == 0) else "no energy errors"
+    text = "every run diverged: it left its energy surface" if np.isinf(values).any() else text
     axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", color="#595959")
     return True
 

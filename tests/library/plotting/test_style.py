@@ -20,9 +20,8 @@ from PIL import Image
 
 import nearharmonic as nh
 from nearharmonic.integrators import BENCHMARKED, integrators
-from nearharmonic.plotting.profile import COLUMNS, envelope, has_style, text_on
+from nearharmonic.plotting.profile import COLUMNS, Style, envelope, has_style, text_on
 from nearharmonic.plotting.style import (
-    Style,
     draw_profile,
     house_style,
     label_ends,

@@ -9,16 +9,8 @@ from math import isfinite
 from typing import Annotated, Any, Literal
 
 from nearharmonic.numerics.written import ALL_DIGITS, decimal, decimal_of
-from nearharmonic_paper.entries import (
-    AT_LEAST_LOWEST,
-    POSITIVE,
-    STRICT,
-    PositiveDecimal,
-    PositiveNumber,
-    Reading,
-    setting,
-    whole_from,
-)
+from nearharmonic_paper import entries
+from nearharmonic_paper.entries import AT_LEAST_LOWEST, POSITIVE, STRICT, Reading, setting
 from nearharmonic_paper.tasks.experiment import Experiment, Figure
 
 Precision = Literal["double", "extended"]
@@ -45,13 +37,8 @@ def _exact_decimal(value: object) -> str:
 _NUMBER = (("type", ("number", "string")),)
 #: A finite number or its decimal string, as a decimal string with all digits.
 ExactDecimal = Annotated[str, Reading(_exact_decimal, _NUMBER)]
-ParameterValue = Annotated[
-    str,
-    Reading(
-        _exact_decimal,
-        (*_NUMBER, ("description", "Value"), ("allowed", FINITE), ("unit", "the unit of the parameter")),
-    ),
-]
+_OF_PARAMETER = (("description", "Value"), ("allowed", FINITE), ("unit", "the unit of the parameter"))
+ParameterValue = Annotated[str, Reading(_exact_decimal, (*_NUMBER, *_OF_PARAMETER))]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,11 +47,11 @@ class StepSizes:
 
     __pydantic_config__ = STRICT
 
-    lowest: PositiveNumber = setting("First step size per stage", POSITIVE, unit="the system's unit of time")
-    highest: PositiveNumber = setting(
+    lowest: entries.PositiveNumber = setting("First step size per stage", POSITIVE, unit="the system's unit of time")
+    highest: entries.PositiveNumber = setting(
         "The grid ends at or just below this step size per stage", AT_LEAST_LOWEST, unit="the system's unit of time"
     )
-    points_per_decade: int = setting("Step sizes in each factor of ten", **whole_from(1, 10**9))
+    points_per_decade: int = setting("Step sizes in each factor of ten", **entries.whole_from(1, 10**9))
 
 
 _START: Any = {
@@ -93,10 +80,8 @@ class SystemSettings:
     label: str | None = setting(
         "Name of the system in titles; its own if not given",
         "a text of at most 100 characters, for a name that is not registered",
-        default=None,
-        min_length=1,
-        max_length=100,
-    )
+        default=None, min_length=1, max_length=100,
+    )  # fmt: skip
     q0: tuple[ExactDecimal, ...] | None = setting(
         "Initial position; the system's own if not given", unit="the system's unit of q", **_START
     )
@@ -105,33 +90,24 @@ class SystemSettings:
     )
     energy: ExactDecimal | None = setting(
         "Energy at the start: the initial momentum is multiplied by the factor that gives it",
-        FINITE,
-        unit="the system's unit of energy",
-        default=None,
-    )
+        FINITE, unit="the system's unit of energy", default=None,
+    )  # fmt: skip
     parameters: Mapping[str, ParameterValue] | None = setting(
         "Parameters of the system that have other values than its own",
         "a mapping of names of parameters to numbers",
-        unit="the unit of the parameter",
-        each=FINITE,
-        default=None,
-    )
+        unit="the unit of the parameter", each=FINITE, default=None,
+    )  # fmt: skip
     tau_per_stage: StepSizes = setting(
         "The step sizes, divided by the number of stages so that equal values cost equal work"
     )
-    t_end: PositiveDecimal | None = setting(
+    t_end: entries.PositiveDecimal | None = setting(
         "End of the interval [0, t_end] that every run covers exactly; the system's own if not given",
-        POSITIVE,
-        unit="the system's unit of time (sho and henon_heiles 1, kepler h)",
-        default=None,
-    )
+        POSITIVE, unit="the system's unit of time (sho and henon_heiles 1, kepler h)", default=None,
+    )  # fmt: skip
     precision: tuple[Precision, ...] = setting(
         "Arithmetic of the runs; beside double, sho runs extended only where the double curve nears its rounding floor",
-        "a list of double, extended or both",
-        each="one of double, extended",
-        default=("double",),
-        min_length=1,
-    )
+        "a list of double, extended or both", each="one of double, extended", default=("double",), min_length=1,
+    )  # fmt: skip
     split: Split | None = setting(
         "Parts of H that drifts and kicks solve: T and V, if not given; or T with the oscillators whose frequencies "
         "the system declares, and the rest of V",
@@ -159,16 +135,11 @@ _GAIN: Any = {
 FIGURES = {
     "gain": Figure(title="Maximum energy error against Ruth's at equal cost", **_GAIN),
     "gain_mean": Figure(
-        title="Mean energy error against Ruth's at equal cost",
-        settings={"variable": "mean_energy_error"},
-        by_default=False,
-        **_GAIN,
+        title="Mean energy error against Ruth's at equal cost", settings={"variable": "mean_energy_error"},
+        by_default=False, **_GAIN,
     ),
     "fig1_sho": Figure(
-        title="Energy error of the oscillator",
-        cube="sho",
-        target="fig1",
-        **_PROFILE,
+        title="Energy error of the oscillator", cube="sho", target="fig1", **_PROFILE,
         caption=(
             "Maximum (A) and mean (B) relative energy error of the simple harmonic oscillator over every step, t in "
             "[0, 500], against step size per stage tau/s. Each point is a whole run. Solid lines with markers: double "
@@ -180,9 +151,7 @@ FIGURES = {
     ),
     "fig2_decomposition": Figure(
         draw="nearharmonic_paper.experiments.paper.figures:fig2_decomposition",
-        title="Error terms of the harmonic oscillator",
-        cube="sho_terms",
-        target="fig2",
+        title="Error terms of the harmonic oscillator", cube="sho_terms", target="fig2",
         caption=(
             "Position error terms of one step for the simple harmonic oscillator (Nielsen 2015, Eq. 17, "
             "dimensionless). A: kappa by order lambda, up to the highest order that a method's stages reach. Circles "
@@ -193,10 +162,7 @@ FIGURES = {
         ),
     ),
     "fig3_henon_heiles": Figure(
-        title="Energy error of the Hénon-Heiles system",
-        cube="henon_heiles",
-        target="fig3",
-        **_PROFILE,
+        title="Energy error of the Hénon-Heiles system", cube="henon_heiles", target="fig3", **_PROFILE,
         caption=(
             "Maximum (A) and mean (B) relative energy error of the Hénon-Heiles system at H = 1/8 over every step, t "
             "in [0, 500], against step size per stage tau/s. Each point is a whole run in double precision with "
@@ -207,9 +173,7 @@ FIGURES = {
     ),
     "fig4_perihelion": Figure(
         draw="nearharmonic_paper.experiments.paper.figures:fig4_perihelion",
-        title="Advance of the perihelion against force evaluations per orbit",
-        cube="kepler",
-        target="fig4",
+        title="Advance of the perihelion against force evaluations per orbit", cube="kepler", target="fig4",
         caption=(
             "Spurious advance of Mercury's perihelion against force evaluations per orbit, in radians per orbit (left) "
             "and arcseconds per century (right). It is the absolute rate of rotation of the Laplace-Runge-Lenz vector, "
@@ -222,10 +186,7 @@ FIGURES = {
         ),
     ),
     "fig5_kepler": Figure(
-        title="Energy error of the Sun-Mercury system",
-        cube="kepler",
-        target="fig5",
-        **_PROFILE,
+        title="Energy error of the Sun-Mercury system", cube="kepler", target="fig5", **_PROFILE,
         caption=(
             "Maximum (A) and mean (B) relative energy error of the planar Sun-Mercury system over every step in ten "
             "years (87 660 h), against step size per stage tau/s in hours. Each point is a whole run in double "
@@ -235,11 +196,8 @@ FIGURES = {
         ),
     ),
     "fig6_substeps": Figure(
-        draw="nearharmonic_paper.experiments.paper.figures:fig6_substeps",
-        title="Substeps in phase space",
-        cube=None,
-        column={"across": 1},
-        target="fig6",
+        draw="nearharmonic_paper.experiments.paper.figures:fig6_substeps", title="Substeps in phase space", cube=None,
+        column={"across": 1}, target="fig6",
         caption=(
             "Substeps of two iterations in phase space (dimensionless) by Yosh s7o6 A (A, C) and BABs7o7H (B, D): the "
             "harmonic oscillator from (q, p) = (0, 1) with τ = π/4 (A, B), and the Hénon-Heiles system in the plane "
@@ -254,8 +212,7 @@ FIGURES = {
     ),
     "fig6_displaced": Figure(
         draw="nearharmonic_paper.experiments.paper.figures:fig6_displaced",
-        title="Panel (D) of Figure 6 outside its plane",
-        cube="substeps_displaced",
+        title="Panel (D) of Figure 6 outside its plane", cube="substeps_displaced",
         caption=(
             "Panel D of Figure 6 from starts outside its plane: BABs7o7H on the Hénon-Heiles system with tau = 2, q_y "
             "= p_y = 0.4 and p_x = 0, for q_x = 0 and four other values of q_x, over 100 000 iterations with "
@@ -266,9 +223,7 @@ FIGURES = {
         ),
     ),
     "{system}_energy_error": Figure(
-        title="Energy error",
-        cube="{system}",
-        **_PROFILE,
+        title="Energy error", cube="{system}", **_PROFILE,
         caption=(
             "Maximum (A) and mean (B) relative energy error over every step of a run, against step size per stage "
             "tau/s. Each point is a whole run. Dashed lines, if any, are in extended precision. Filled markers are the "
@@ -276,7 +231,7 @@ FIGURES = {
             "off the scale."
         ),
     ),
-}
+}  # fmt: skip
 
 EXPERIMENT = Experiment(
     name="paper",
@@ -300,22 +255,14 @@ EXPERIMENT = Experiment(
         ),
     },
     tables=(
-        "table1_structure",
-        "table2_recursion",
-        "table2_values",
-        "table3_even_orders",
-        "table4_coefficients",
+        "table1_structure", "table2_recursion", "table2_values", "table3_even_orders", "table4_coefficients",
         "integrators",
     ),
     figures=FIGURES,
     others=(
-        "tables/skipped.csv",
-        "tables/claims.csv",
-        "tables/claims.md",
-        "tables/claims.json",
-        "report.html",
+        "tables/skipped.csv", *(f"tables/claims.{ending}" for ending in ("csv", "md", "json")), "report.html",
         *(f"figure-{name}.html" for name in ("gain", *range(1, 7))),
         "figure-{system}_energy_error.html",
     ),
     runs=("{system}/{integrator}/{shard}",),
-)
+)  # fmt: skip

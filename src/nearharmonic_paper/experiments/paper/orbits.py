@@ -274,16 +274,15 @@ def displaced(integrator: str, iterations: int) -> dict[str, Contents]:
     columns = ("left_at", "max_energy_error", "block_max", "q")
     left_at, largest, blocks, q = (np.stack([getattr(path, key) for path in paths], axis=1) for key in columns)
     over, unit = ("displacement", "summation"), system.units["q"]
+    along, since = (*over, "iteration"), "maximum of |H - H0|/|H0| since the previous sample"
     variables = {
         **coordinate("displacement", np.array(DISPLACEMENTS, dtype=float), "initial q_x", unit),
         **coordinate("summation", SUMS, "summation of the steps"),
         **coordinate("iteration", marks[1:], "number of the iteration"),
         "left_at": variable(over, left_at, "iteration that left the energy surface, 0 if none did"),
         "max_energy_error": variable(over, largest, "maximum of |H - H0|/|H0| over every iteration, inf if one left"),
-        "block_max_energy_error": variable(
-            (*over, "iteration"), blocks[..., 1:], "maximum of |H - H0|/|H0| since the previous sample"
-        ),
-        "q_x": variable((*over, "iteration"), q[..., 1:, 0], "q_x", unit),
+        "block_max_energy_error": variable(along, blocks[..., 1:], since),
+        "q_x": variable(along, q[..., 1:, 0], "q_x", unit),
     }
     attributes = {
         "system": system.name, "system_label": system.label, "integrator": tableau.name, "label": tableau.label,

@@ -104,9 +104,7 @@ def observed_order(curves: xr.Dataset) -> xr.DataArray:
 
 def orbital_period(system: System) -> float:
     """Return the period of the exact orbit from the initial values of ``system``, in its unit of time; NaN if none."""
-    if system.period is None:
-        return float("nan")
-    return system.period(*system.start(float), *system.constants(float))
+    return nan if system.period is None else system.period(*system.start(float), *system.constants(float))
 
 
 # --- Assembly of cubes from run files: the reduced numbers of all methods.

@@ -17,20 +17,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from nearharmonic.engine import settings
 from nearharmonic.engine.kernels import check_precision
-from nearharmonic.engine.settings import (
-    EXACT_OSCILLATOR,
-    KINETIC_POTENTIAL,
-    PRECISIONS,
-    Sweep,
-    check_fit,
-    exact_decimal,
-    grid_points,
-    steps_of,
-    steps_over,
-    tau_grid,
-    tau_range,
-)
+from nearharmonic.engine.settings import Sweep
 from nearharmonic.errors import NearharmonicError, bad_setting
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
@@ -82,7 +71,7 @@ def largest_job(sweep: Sweep) -> int:
 
 def points_of(sweep: Sweep) -> int:
     """Return the number of step sizes of a sweep."""
-    return grid_points(sweep.lowest, sweep.highest, sweep.points_per_decade)
+    return settings.grid_points(sweep.lowest, sweep.highest, sweep.points_per_decade)
 
 
 def shards_of(sweep: Sweep, integrator: str) -> int:
@@ -120,8 +109,8 @@ def _first(sweep: Sweep, tableau: Tableau, cut: int) -> int:
 
 def _steps(sweep: Sweep, tableau: Tableau, index: int) -> int:
     """Return the steps of a run with step size ``index``."""
-    (tau,) = tau_range(sweep.lowest, sweep.points_per_decade, index, index + 1)
-    return tableau.steps(tau, exact_decimal(sweep.t_end))
+    (tau,) = settings.tau_range(sweep.lowest, sweep.points_per_decade, index, index + 1)
+    return tableau.steps(tau, settings.exact_decimal(sweep.t_end))
 
 
 @cache
@@ -190,19 +179,19 @@ def check_sweep(sweep: Sweep, methods: Sequence[str]) -> None:
     """
     tableaus = [integrators[name] for name in methods]
     check_precision(systems[sweep.system], sweep.precision, f"systems.{sweep.system}.precision")
-    if sweep.split == EXACT_OSCILLATOR:
+    if sweep.split == settings.EXACT_OSCILLATOR:
         check_oscillator(systems[sweep.system], f"systems.{sweep.system}.split")
     for tableau in tableaus:
-        check_fit(systems[sweep.system], tableau, sweep.split)
-    here = f"systems.{sweep.system}.tau_per_stage"
-    steps_of(sweep.t_end, sweep.lowest * min(t.stages for t in tableaus), key=f"{here}.lowest", given=sweep.lowest)
+        settings.check_fit(systems[sweep.system], tableau, sweep.split)
+    here, lowest = f"systems.{sweep.system}.tau_per_stage", sweep.lowest
+    settings.steps_of(sweep.t_end, lowest * min(t.stages for t in tableaus), key=f"{here}.lowest", given=lowest)
     if (points := points_of(sweep)) > MOST_POINTS:
         allowed = f"the grid would have {points} step sizes, and may have {MOST_POINTS}"
         raise bad_setting(f"{here}.points_per_decade", sweep.points_per_decade, allowed)
     evaluations = _evaluations(sweep, points) * len(methods) * len(sweep.precision)
     if evaluations > MOST_EVALUATIONS:
         allowed = f"all runs would take {evaluations:.2g} force evaluations, and may take {MOST_EVALUATIONS:.0e}"
-        raise bad_setting(f"{here}.lowest", sweep.lowest, allowed)
+        raise bad_setting(f"{here}.lowest", lowest, allowed)
     if (size := largest_job(sweep)) > MOST_BYTES:
         allowed = f"a job would hold {size:.2g} bytes, and may hold {MOST_BYTES:.0e}: add shards, or keep samples: 0"
         raise bad_setting("samples", sweep.samples, allowed)
@@ -213,9 +202,9 @@ def runs_of(sweep: Sweep, integrator: str, index: int) -> list[Run]:
     tableau, mine, runs = integrators[integrator], shard_range(sweep, integrator, index), []
     for precision in sweep.precision:
         end = min(mine.stop, _extended_points(sweep, tableau)) if precision == "extended" else mine.stop
-        taus = tau_range(sweep.lowest, sweep.points_per_decade, mine.start, end)
+        taus = settings.tau_range(sweep.lowest, sweep.points_per_decade, mine.start, end)
         if taus:
-            steps = tuple(steps_over(np.array(taus), sweep.t_end, tableau).tolist())
+            steps = tuple(settings.steps_over(np.array(taus), sweep.t_end, tableau).tolist())
             runs.append(Run(sweep, integrator, precision, taus, steps, sweep.samples))
     return runs
 
@@ -228,12 +217,13 @@ def _extended_points(sweep: Sweep, tableau: Tableau) -> int:
     in double, every step size is run.
     """
     points = points_of(sweep)
-    if not (systems[sweep.system].harmonic and sweep.split == KINETIC_POTENTIAL and "double" in sweep.precision):
+    in_parts = sweep.split == settings.KINETIC_POTENTIAL
+    if not (systems[sweep.system].harmonic and in_parts and "double" in sweep.precision):
         return points
     from nearharmonic.theory.oscillator import harmonic_energy_error
 
     def error(i: int) -> float:
-        (tau,) = tau_range(sweep.lowest, sweep.points_per_decade, i, i + 1)
+        (tau,) = settings.tau_range(sweep.lowest, sweep.points_per_decade, i, i + 1)
         return float(harmonic_energy_error(tableau, tau * tableau.stages))
 
     return bisect_left(range(points), NEAR_FLOOR * DOUBLE_FLOOR, key=error)
@@ -242,15 +232,13 @@ def _extended_points(sweep: Sweep, tableau: Tableau) -> int:
 def omissions(sweep: Sweep, integrator: str) -> Iterator[Omission]:
     """Yield the omissions among the runs of a method on a system, and the precisions that the config leaves out."""
     tableau = integrators[integrator]
-    grid = np.array(tau_grid(sweep.lowest, sweep.highest, sweep.points_per_decade))
-    steps = steps_over(grid, sweep.t_end, tableau)
+    grid = np.array(settings.tau_grid(sweep.lowest, sweep.highest, sweep.points_per_decade))
+    steps = settings.steps_over(grid, sweep.t_end, tableau)
     shared = np.diff(steps, prepend=0) == 0
-    for precision in PRECISIONS:
+    for precision in settings.PRECISIONS:
         if precision not in sweep.precision:
-            every = int(tableau.evaluations(steps).sum())
-            yield Omission(
-                sweep.system, integrator, precision, f"runs in {precision} precision", NOT_ASKED, grid.size, every
-            )
+            what, every = f"runs in {precision} precision", int(tableau.evaluations(steps).sum())
+            yield Omission(sweep.system, integrator, precision, what, NOT_ASKED, grid.size, every)
             continue
         run = np.arange(grid.size) < (_extended_points(sweep, tableau) if precision == "extended" else grid.size)
         kept, repeated, far = steps[run & ~shared], steps[run & shared], steps[~run]
@@ -341,12 +329,10 @@ def omissions_table(sweeps: Sequence[Sweep], integrators: Sequence[str], **cubes
 
 def _ended_early(system: str, cube: xr.Dataset) -> Iterator[Omission]:
     """Yield one row for each integrator and precision with diverged runs."""
-    runs = _distinct(cube)
+    runs, what, reason = _distinct(cube), "the rest of a run", "it left its energy surface"
     for (precision, name), left in runs[runs.status == "diverged"].groupby(["precision", "integrator"], sort=False):
         saved = integrators[name].evaluations(left.steps.to_numpy()).sum() - left.evaluations.sum()
-        yield Omission(
-            system, name, precision, "the rest of a run", "it left its energy surface", len(left), int(saved)
-        )
+        yield Omission(system, name, precision, what, reason, len(left), int(saved))
 
 
 def _distinct(cube: xr.Dataset) -> Any:

@@ -15,18 +15,7 @@ from nearharmonic.integrators.tableau import First, Tableau
 from nearharmonic.math import pow
 from nearharmonic.output.store import assembled, coordinate, method_coordinates, variable
 from nearharmonic.output.table import Table
-from nearharmonic.theory.order import (
-    ErrorTerm,
-    closed_sums,
-    generalised_order_of,
-    harmonic_order,
-    harmonic_orders_of,
-    leading_errors,
-    momentum_row,
-    nystrom_order_of,
-    order_of,
-    position_rows,
-)
+from nearharmonic.theory import order
 from nearharmonic.theory.oscillator import kappa, lambda_max, stability_gaps, tableau_of
 from nearharmonic.theory.table_4 import table_4
 
@@ -59,7 +48,7 @@ def overview(*names: str) -> Columns:
 
 def columns_of(tableau: Tableau) -> dict[str, Cell]:
     """Return the row of a method by column; what holds for any T is left empty if kicks are of a modified potential."""
-    harmonic, errors = harmonic_orders_of(tableau), leading_errors(tableau)
+    harmonic, errors = order.harmonic_orders_of(tableau), order.leading_errors(tableau)
     gaps, is_general = stability_gaps(tableau), not tableau.modified
     coefficients = [Fraction(c) for c in (*tableau.kick, *tableau.drift)]
     return {
@@ -68,12 +57,12 @@ def columns_of(tableau: Tableau) -> dict[str, Cell]:
         "composition": "ABA" if tableau.first == "drift" else "BAB",
         "symmetric": "yes" if tableau.symmetric else "no",
         "stages": tableau.stages,
-        "order": order_of(tableau),
-        "Nystrom order": nystrom_order_of(tableau),
-        **{f"order for {name} V": order_of(tableau, potential_degree=degree) for name, degree in POLYNOMIALS.items()},
+        "order": order.order_of(tableau),
+        "Nystrom order": order.nystrom_order_of(tableau),
+        **{f"order for {name} V": order.order_of(tableau, potential_degree=n) for name, n in POLYNOMIALS.items()},
         "generalised order": _generalised(tableau, quadratic=False) if is_general else "",
         "Nystrom generalised order": _generalised(tableau, quadratic=True),
-        **{f"harmonic order of {what}": order for what, order in zip(HARMONIC, harmonic, strict=False)},
+        **{f"harmonic order of {what}": value for what, value in zip(HARMONIC, harmonic, strict=False)},
         "sum of absolute values": float(sum(map(abs, coefficients))),
         "negative coefficients": sum(c < 0 for c in coefficients),
         **_leading("", errors.general if is_general else None, tableau),
@@ -87,7 +76,7 @@ def columns_of(tableau: Tableau) -> dict[str, Cell]:
     }
 
 
-def _leading(kind: str, error: ErrorTerm | None, tableau: Tableau) -> dict[str, Cell]:
+def _leading(kind: str, error: order.ErrorTerm | None, tableau: Tableau) -> dict[str, Cell]:
     """The leading error of a kind with its norm, and the effective error."""
     cells: tuple[Cell, ...] = ("", "", "")
     if error is not None:
@@ -97,7 +86,7 @@ def _leading(kind: str, error: ErrorTerm | None, tableau: Tableau) -> dict[str, 
 
 
 def _generalised(tableau: Tableau, *, quadratic: bool) -> str:
-    return "(" + ", ".join(map(str, generalised_order_of(tableau, quadratic=quadratic))) + ")"
+    return "(" + ", ".join(map(str, order.generalised_order_of(tableau, quadratic=quadratic))) + ")"
 
 
 # --- The paper's tables for a named method.
@@ -122,8 +111,7 @@ def paper_tables(integrators: Sequence[str]) -> dict[str, Table]:
         "table2_recursion": (symbols, "Table 2: the recursion for three stages as BAB, in symbols."),
         "table2_values": (values, "Table 2 for Ruth's method as BAB, in numbers."),
         "table3_even_orders": (
-            even_orders(ruth, first="kick"),
-            "Table 3: closed sums for Ruth's method as BAB, beside Table 2's numbers.",
+            even_orders(ruth, first="kick"), "Table 3: closed sums for Ruth's method as BAB, beside Table 2's numbers."
         ),
         "table4_coefficients": (table_4(), "Table 4: independent coefficients; d is the outer row, c the inner one."),
         "integrators": (
@@ -168,8 +156,8 @@ def recursion_symbols(integrator: str | Tableau, *, first: First | None = None) 
 def recursion_values(integrator: str | Tableau, *, first: First | None = None) -> Columns:
     """Return Table 2 in numbers for m = k = 1; even powers have units of q_a, odd ones p_a (momentum: vice versa)."""
     tableau = tableau_of(integrator, first)
-    rows = [(h, row[: _highest(tableau, h) + 1]) for h, row in enumerate(position_rows(tableau))]
-    every: list[tuple[str | int, Sequence[Any]]] = [*rows, ("p_b", momentum_row(tableau))]
+    rows = [(h, row[: _highest(tableau, h) + 1]) for h, row in enumerate(order.position_rows(tableau))]
+    every: list[tuple[str | int, Sequence[Any]]] = [*rows, ("p_b", order.momentum_row(tableau))]
     return _by_power(tableau, [(h, [float(x) for x in row]) for h, row in every])
 
 
@@ -181,7 +169,7 @@ def even_orders(integrator: str | Tableau, *, first: First | None = None) -> Col
     tableau = tableau_of(integrator, first)
     header = ("h", "tau^0", "tau^2", "tau^4", "tau^2 of Table 2", "tau^4 of Table 2", "tau^4 as printed")
     rows: list[Cells] = []
-    for h, (sums, row) in enumerate(zip(closed_sums(tableau), position_rows(tableau), strict=True)):
+    for h, (sums, row) in enumerate(zip(order.closed_sums(tableau), order.position_rows(tableau), strict=True)):
         recursion = [float(x) for x in (*row, Fraction(0), Fraction(0))][2:5:2]
         rows.append((h, *map(float, sums[:3]), *recursion, float(sums.tau4_as_printed)))
     return header, rows
@@ -260,5 +248,5 @@ def _terms(tableau: Tableau, first: First) -> list[BigFloat]:
     if tableau.modified and first != tableau.first:
         return []
     terms = kappa(tableau, lambda_max(tableau, first=first), first=first)
-    vanishing = harmonic_order(tableau, first=first) if tableau.digits < MANY_DIGITS else 0
+    vanishing = order.harmonic_order(tableau, first=first) if tableau.digits < MANY_DIGITS else 0
     return [*(0 * term for term in terms[:vanishing]), *terms[vanishing:]]

@@ -17,17 +17,8 @@ from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MultipleLocator
 
-from nearharmonic.plotting.profile import problem_of
-from nearharmonic.plotting.style import (
-    Style,
-    house_style,
-    log_scale,
-    mark_every,
-    method_handles,
-    new_figure,
-    panel_letter,
-    style_of,
-)
+from nearharmonic.plotting.profile import Style, problem_of, style_of
+from nearharmonic.plotting.style import house_style, log_scale, mark_every, method_handles, new_figure, panel_letter
 from nearharmonic_paper.experiments.stability.reductions import TOLERATED
 
 KEPLER_COLUMNS = 5
