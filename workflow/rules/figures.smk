@@ -10,11 +10,6 @@ for _one in FIGURES:
     if _one in PAPER_FIGURES and not _one.cubes:
         _JOBS.setdefault((_cubes, "_column", ""), []).append(_one)
 
-
-def _settings(figure, width):
-    return {**figure.settings, **(figure.column if width else {})}
-
-
 for (_cubes, _width, _apart), _figures in _JOBS.items():
     _together = (_apart or "_and_".join(_cubes) or "substeps") + _width
 
@@ -34,7 +29,7 @@ for (_cubes, _width, _apart), _figures in _JOBS.items():
             **LOOK,
             **({"width": "column"} if _width else {}),
             tasks=lambda wildcards, figures=_figures, width=_width: {
-                one.stem: task(one.draw, **_settings(one, width)) for one in figures
+                one.stem: task(one.draw, **{**one.settings, **(one.column if width else {})}) for one in figures
             },
             captions={one.stem: f"{one.title}\n{one.caption}" for one in _figures},
         script:
