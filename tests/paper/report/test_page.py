@@ -227,8 +227,8 @@ def test_page_of_own_systems_is_theirs_and_names_leftovers(tmp_path, monkeypatch
 def test_figures_of_own_systems_come_before_those_of_the_paper():
     figures = figures_of(["kepler", "well", "sho"], ["sho_terms", "substeps_displaced"])
     assert [one.stem for one in in_order(figures)] == [
-        "well_energy_error", "fig1_sho", "fig2_decomposition", "fig4_perihelion", "fig5_kepler", "fig6_substeps",
-        "fig6_displaced", "gain", "gain_mean",
+        "gain", "well_energy_error", "fig1_sho", "fig2_decomposition", "fig4_perihelion", "fig5_kepler",
+        "fig6_substeps", "fig6_displaced", "gain_mean",
     ]  # fmt: skip
 
 
