@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 #: Panels of a benchmark profile: variable, and statistic.
 PANELS = {"max_energy_error": "maximum", "mean_energy_error": "mean"}
+#: Units of time in words.
+UNITS = {"h": "hours", "s": "seconds", "d": "days", "yr": "years"}
 #: Upper end of the axis: an error of ten times the energy belongs to a diverged run.
 LARGEST_ERROR = 10.0
 

@@ -29,7 +29,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator
 from nearharmonic.output.atomic import write_bytes
 from nearharmonic.output.table import power_of_ten
 from nearharmonic.plotting import profile
-from nearharmonic.plotting.profile import Line
+from nearharmonic.plotting.profile import UNITS, Line
 from nearharmonic.plotting.recording import Recording
 
 if TYPE_CHECKING:
@@ -250,8 +250,6 @@ def png(figure: Figure, dpi: float, title: str = "") -> bytes:
 DASHED: dict[str, Any] = {"linestyle": (0, (4, 5)), "marker": "none", "linewidth": 0.9, "zorder": 2}
 #: Place of a legend above the panels.
 LEGEND: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.545, 0.995), "ncols": 4, "columnspacing": 1.8}
-#: Units of time in words.
-UNITS = {"h": "hours", "s": "seconds", "d": "days", "yr": "years"}
 #: Rows for which there is space, those of ten methods, and height of a row relative to the height of the figure.
 LEGEND_ROWS, LEGEND_ROW = 3, 0.0195
 #: Height of a row of the strip of diverged runs, largest height of the strip, and gap between panels, in inches.

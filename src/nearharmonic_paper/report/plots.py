@@ -28,6 +28,7 @@ from nearharmonic.output.table import power_of_ten
 from nearharmonic.plotting.profile import (
     LARGEST_ERROR,
     PANELS,
+    UNITS,
     Line,
     beyond,
     energy_error_label,
@@ -390,7 +391,7 @@ def energy_error(cube: xr.Dataset) -> list[Panel]:
     found = []
     for letter, (name, statistic) in zip(ascii_uppercase, PANELS.items(), strict=False):
         label = f"{'max' if statistic == 'maximum' else statistic} {symbols}"
-        plot = new_plot((along, up), ("step size per stage, τ/s" + _unit(unit, " ({})"), label))
+        plot = new_plot((along, up), (_step_label(unit), label))
         plot.left[0].bounds = [up.start, edge]  # no labels beside the strip
         _add_slopes(plot)
         if name in floors:
@@ -430,8 +431,7 @@ def gain(*cubes: xr.Dataset, variable: str = "max_energy_error") -> list[Panel]:
     for letter, cube, one in zip(ascii_uppercase, cubes, found, strict=False):
         unit, there = cube["tau_per_stage"].attrs.get("units", "1"), one.notnull().any("integrator").values
         x = one["tau_per_stage"].values[there]
-        axes = ("step size per stage, τ/s" + _unit(unit, " ({})"), "Ruth's error / error of the method")
-        plot = new_plot((span([x], logarithmic=True), up), axes)
+        plot = new_plot((span([x], logarithmic=True), up), (_step_label(unit), "Ruth's error / error of the method"))
         hits: list[Model] = []
         for curve, label in zip(one[:, there], cube["label"].values, strict=True):
             source, method = source_of(x=x, gain=curve.values), str(curve["integrator"].values)
@@ -444,8 +444,12 @@ def gain(*cubes: xr.Dataset, variable: str = "max_energy_error") -> list[Panel]:
     return drawn
 
 
-def _unit(unit: str, form: str = " {}") -> str:
-    return "" if unit == "1" else form.format(unit)
+def _step_label(unit: str) -> str:
+    return "step size per stage, τ/s (s stages)" + ("" if unit == "1" else f", {UNITS.get(unit, unit)}")
+
+
+def _unit(unit: str) -> str:
+    return "" if unit == "1" else f" {unit}"
 
 
 def _columns(runs: xr.Dataset) -> dict[str, Any]:

@@ -59,8 +59,9 @@ def anchor_of(figure: Figure) -> str:
 
 
 def in_order(figures: Iterable[Figure]) -> list[Figure]:
-    """Return figures: energy errors of the config's own systems, numbered figures, and others."""
-    return sorted(figures, key=lambda one: (number_of(one) or (0 if one.profile else inf), one.stem))
+    """Return figures: the gain, energy errors of the config's own systems, numbered figures, and others."""
+    others = {True: 0, False: inf}
+    return sorted(figures, key=lambda one: (one.stem != "gain", number_of(one) or others[one.profile], one.stem))
 
 
 def pages_alone(figures: Iterable[Figure]) -> dict[str, str]:

@@ -308,7 +308,7 @@ def test_tab_reaches_legend_and_space_toggles_it_with_visible_focus(opened):
     assert page.evaluate("getComputedStyle(document.activeElement).outlineStyle") == "solid"
     page.keyboard.press("Space")
     assert focused.get_attribute("aria-pressed") == "true"
-    assert page.evaluate("visibleIn('figure-1')") == ["ruth"]
+    assert page.evaluate("visibleIn('figure-gain')") == ["ruth"]
 
 
 def test_page_fits_every_width(wide):

@@ -19,8 +19,8 @@
   const alphas = new Map(); // of glyphs, as they were drawn
   const fade = ({ glyph }, faded) => {
     if (!alphas.has(glyph)) {
-      const { line_alpha, fill_alpha } = glyph;
-      alphas.set(glyph, Object.entries({ line_alpha, fill_alpha }).filter(([, alpha]) => alpha !== undefined));
+      const { line_alpha, fill_alpha, text_alpha } = glyph;
+      alphas.set(glyph, Object.entries({ line_alpha, fill_alpha, text_alpha }).filter(([, alpha]) => alpha !== undefined));
     }
     // Columns have the opacity of single points; 0 is invisible, for the hover.
     const pale = (alpha) => (alpha.field !== undefined ? 0 : Math.min(0.12, alpha.value ?? alpha));
