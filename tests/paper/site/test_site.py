@@ -132,10 +132,12 @@ def test_a_browser_loads_formulas_and_nothing_from_outside(browser):
     assert [url for url in page.heard if not url.startswith(("file:", "data:", "blob:"))] == []
 
 
-def test_figure_6_moves_on_the_site(browser):
-    frame = browser("results/figure_6.html").frame_locator("iframe")
-    frame.locator("button[name=step]").click()
-    assert frame.locator("output").inner_text().endswith("after 1 iterations")
+@pytest.mark.parametrize("name", ["results/figure_6", "start/near_harmonic"])
+def test_figure_6_moves_by_itself_where_it_is_seen(browser, name):
+    page = browser(f"{name}.html")
+    page.locator("iframe.alive").evaluate("(one) => one.scrollIntoView()")
+    frame = page.frame_locator("iframe.alive")
+    frame.locator(".plane .note", has_text="iteration").first.wait_for(timeout=20_000)
 
 
 @pytest.mark.parametrize("width", [390, 1280, 1313, 1366, 1439, 1440])
