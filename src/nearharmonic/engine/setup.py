@@ -217,8 +217,9 @@ class Setup:
         self, moves: Floats, marks: Integers, scheme: Integers, start: Floats, parameters: Floats,
         numerics: settings.Numerics | None = None,
     ) -> batches.Batch:  # fmt: skip
-        """Return a batch of arrays that :class:`Batch` describes, ready to run, with its own arithmetic and lanes or
-        others.
+        """Return a batch of arrays that :class:`nearharmonic.engine.batch.Batch` describes, ready to run.
+
+        Arithmetic and lanes are its own, or others.
         """
         return batches.prepared_batch(
             self.system, self.tableau, numerics or self.numerics, moves=moves, marks=marks, scheme=scheme, start=start,

@@ -357,7 +357,7 @@ def say_if_empty(axes: Axes, errors: Iterable[Any]) -> bool:
 
 
 def draw_floor(axes: Axes, given: Sequence[xr.Dataset], variable: str) -> None:
-    """Draw :func:`floor_near`, unless it is 0, on axes with logarithmic energy errors."""
+    """Draw :func:`nearharmonic.plotting.profile.floor_near`, unless it is 0, on axes with logarithmic energy errors."""
     if floor := profile.floor_near(given, variable):
         axes.axhline(floor, color="#595959", linewidth=0.7, linestyle=(0, (1, 1.5)), zorder=1.5)
         look = {"color": "#595959", "ha": "right", "xycoords": axes.get_yaxis_transform()}

@@ -326,7 +326,7 @@ class Search:
     def _errors(
         self, tableau: Tableau, steps: Sequence[int], starts: Floats, summation: str = "compensated", times: int = 1
     ) -> dict[str, Floats]:
-        """Return :func:`errors_of`, and in the requested measure as ``error``, infinite where it is no number."""
+        """Return the errors by measure, and the requested one as ``error``, infinite where it is no number."""
         errors = engine.errors_of(self.problem, tableau, steps, summation, starts, times)
         error = errors[engine.MEASURES[self.measure]]
         return {**errors, "error": np.where(np.isnan(error), inf, error)}

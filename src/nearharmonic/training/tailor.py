@@ -328,7 +328,7 @@ def comparison(
 ) -> Comparison:
     """Compare a method with the best of ``others``: at each step size the method with the smallest mean error.
 
-    The gradient of the square of grad V, which some methods need, costs :data:`CHARGE`.
+    The gradient of the square of grad V, which some methods need, costs :data:`nearharmonic.training.question.CHARGE`.
     """
     errors = _logarithms(ensemble, [method, *others], tau_per_stage)
     means = errors.mean(axis=2)

@@ -48,7 +48,7 @@ def imported_in(path):
 
 def distributions_of(paths):
     """Distributions that files import, beside the standard library and this package, with the first file of each."""
-    known, found = packages_distributions(), {}
+    known, found = packages_distributions() | {"cuda": ["cuda-bindings"]}, {}  # several share its name
     for path in sorted(paths):
         for name in imported_in(path) - OURS - sys.stdlib_module_names:
             found.setdefault(normal(known.get(name, [name])[0]), str(path.relative_to(ROOT)))
@@ -77,7 +77,7 @@ def test_extra_of_an_adapter_installs_what_it_imports(name):
 def test_every_package_that_the_library_imports_is_a_dependency():
     found = distributions_of(filter(in_the_wall, PYTHON))
     assert {"llvmlite", "xarray"} <= found.keys()
-    declared = names_of([*of_library(), *of_extra("figures"), *of_extra("tailor")])
+    declared = names_of([*of_library(), *of_extra("figures"), *of_extra("tailor"), *of_extra("gpu")])
     assert {name: place for name, place in found.items() if name not in declared} == {}
 
 
@@ -91,7 +91,7 @@ def test_only_figures_import_matplotlib():
 def test_every_package_that_is_imported_is_declared():
     found = distributions_of(path for path in [*PYTHON, *RULES] if not {PEERS, ADAPTERS} & {path, *path.parents})
     assert {"llvmlite", "pyyaml", "snakemake"} <= found.keys()  # the walk sees Python, other names, and rules
-    declared = names_of([*of_library(), *of_extra("workflow"), *of_extra("cluster")])
+    declared = names_of([*of_library(), *of_extra("workflow"), *of_extra("cluster"), *of_extra("gpu")])
     assert {name: place for name, place in found.items() if name not in declared} == {}
 
 
@@ -102,7 +102,7 @@ def test_the_page_install_names_every_extra():
 
 @pytest.mark.parametrize("extra", ["workflow", "cluster", "docs", "test"])
 def test_extras_of_figures_and_tailor_are_part_of_larger_ones(extra):
-    assert names_of([*of_extra("figures"), *of_extra("tailor")]) <= names_of(of_extra(extra))
+    assert names_of([*of_extra("figures"), *of_extra("tailor"), *of_extra("gpu")]) <= names_of(of_extra(extra))
 
 
 def test_every_library_that_is_timed_is_declared_with_the_peers():
