@@ -102,7 +102,7 @@ def test_the_page_install_names_every_extra():
 
 @pytest.mark.parametrize("extra", ["workflow", "cluster", "docs", "test"])
 def test_extras_of_figures_and_tailor_are_part_of_larger_ones(extra):
-    assert names_of([*of_extra("figures"), *of_extra("tailor"), *of_extra("gpu")]) <= names_of(of_extra(extra))
+    assert names_of([*of_extra("figures"), *of_extra("tailor")]) <= names_of(of_extra(extra))
 
 
 def test_every_library_that_is_timed_is_declared_with_the_peers():
