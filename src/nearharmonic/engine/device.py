@@ -26,8 +26,8 @@ from nearharmonic.integrators.tableau import Composition
 from nearharmonic.systems.remembered import remembered
 from nearharmonic.systems.system import System
 
-#: Threads of a block, and runs of a chunk, at most: 2**20 runs of a planar system take a quarter of a gigabyte.
-BLOCK, CHUNK = 128, 2**20
+#: Threads of a block, and runs of a chunk, at most: 2**18 runs of a planar system take 160 megabytes.
+BLOCK, CHUNK = 128, 2**18
 #: Share of the free memory that chunks may take; and least runs of a chunk, a block.
 SHARE, LEAST = 0.8, BLOCK
 #: Seconds that a launch should take, steps of the first one, and seconds between looks at the driver.
@@ -35,7 +35,6 @@ LAUNCH, FIRST, PATIENCE = 0.2, 256, 5e-4
 #: "auto" takes a GPU for so many runs and force evaluations, if doubles take at most so many times as long as floats.
 RUNS, EVALUATIONS, RATIO = 2**14, 10**9, 4
 
-NAMES = tuple(argument.name for argument in MEMBER.arguments)
 #: Arrays that go to the GPU for each chunk, come back from it, and stay there.
 SENT, RETURNED = ("marks", "scheme", "start", "parameters"), (
     "states", "energy_error", "worst", "total", "energy", "running", "left_at",
@@ -237,15 +236,18 @@ class DeviceCall:
             shapes["parameters"] = (columns, 1)
         shapes |= {"moves": given["moves"].shape, "reference": (2,)}
         slots = [_Slot(gpu, shapes) for _ in range(min(2, ceil(runs / size)))]
+        chunks = [slice(begin, min(begin + size, runs)) for begin in range(0, runs, size)]
         try:
             before: _Slot | None = None
-            for i, begin in enumerate(range(0, runs, size)):
+            self._send(slots[0], chunks[0])
+            for i in range(len(chunks)):
                 slot = slots[i % 2]
-                self._send(slot, slice(begin, min(begin + size, runs)))
                 launches = self._launches(slot)
                 next(launches, None)
                 if before is not None:
                     self._receive(before)
+                if i + 1 < len(chunks):
+                    self._send(slots[(i + 1) % 2], chunks[i + 1])
                 for _ in launches:
                     if control[STOP]:
                         return
