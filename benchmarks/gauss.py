@@ -25,7 +25,7 @@ from nearharmonic_paper.pages.filling import table
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-PAGE, PICTURE = "docs/how_to/gauss.md", "gauss.png"
+PAGE, PICTURE = "docs/how_to/gauss.md", "gauss.svg"
 GAUSS = "gauss16"
 #: Amplitudes of the Henon-Heiles system, in units of that of the paper's start; the interval; numbers of steps that are
 #: tried, and the energy error that the first of them must reach; position and momentum of that start.

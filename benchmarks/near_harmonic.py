@@ -33,7 +33,7 @@ from nearharmonic_paper.pages.filling import signed, table
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-PAGE, PICTURE = "docs/results/examples.md", "near_harmonic.png"
+PAGE, PICTURE = "docs/results/examples.md", "near_harmonic.svg"
 #: The methods of the paper's figures: its own, and those that it compares them with.
 NEW = ("abas5o6h", "babs7o7h", "babps8o7h", "babps9o7h")
 SIX = ("ruth", "s5odr4", "aba104", "aba864", "aba1064", "yoshida_s7o6a")

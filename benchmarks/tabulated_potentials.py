@@ -24,7 +24,7 @@ from nearharmonic_paper.pages.filling import power, table
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-PAGE, PICTURE = "docs/how_to/tabulated_potentials.md", "tabulated_potentials.png"
+PAGE, PICTURE = "docs/how_to/tabulated_potentials.md", "tabulated_potentials.svg"
 FORMS = {"Chebyshev series": "#0b3c8c", "quintic spline": "#00a070", "cubic spline": "#e86a10"}
 #: Step sizes per stage, even in the logarithm, the errors for which the largest is sought, and those between which a
 #: slope is fitted.

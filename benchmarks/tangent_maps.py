@@ -21,7 +21,7 @@ from nearharmonic_paper.pages.filling import table
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-PAGE, PICTURE = "docs/how_to/tangent_maps.md", "tangent_maps.png"
+PAGE, PICTURE = "docs/how_to/tangent_maps.md", "tangent_maps.svg"
 #: Energies of the panels, those of Figures 5 and 6 of Henon & Heiles (1964), doi:10.1086/109234.
 ENERGIES = (Fraction(1, 8), Fraction(1, 6))
 #: Points of a panel along each axis, edges of both axes (all starts of the energy 1/6 are inside), and the time.

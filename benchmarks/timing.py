@@ -9,9 +9,9 @@ from math import inf
 from pathlib import Path
 
 from nearharmonic.numerics.clock import Patience, interleaved, pinned
-from nearharmonic.output.atomic import write_text
+from nearharmonic.output.atomic import write_bytes, write_text
 from nearharmonic.output.table import filled_page
-from nearharmonic.plotting.style import save
+from nearharmonic_paper.pages.filling import drawn
 
 #: Where the pages are.
 ROOT = Path(__file__).parents[1]
@@ -47,7 +47,7 @@ def show(parts, page, folder, picture=None):
         place = folder / Path(page).relative_to("docs")
         write_text(place, filled_page(ROOT / page, texts))
         if picture:
-            save(parts["figure"], [place.with_name(picture)])
+            write_bytes(place.with_name(picture), drawn(parts["figure"]))
 
 
 def short(number, decimals=1, below=10):

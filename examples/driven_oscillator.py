@@ -41,7 +41,8 @@ def main():
     )  # fmt: skip
     figure = new_figure(6, 6)
     axes = figure.subplots()
-    axes.scatter(many.q, many.p, s=1.5, linewidths=0, c=np.repeat(many.q[:, 0, 0], periods + 1), cmap="cividis")
+    colours = np.repeat(many.q[:, 0, 0], periods + 1)
+    axes.scatter(many.q, many.p, s=1.5, linewidths=0, c=colours, cmap="cividis", rasterized=True)
     axes.set(xlabel="$q$", ylabel="$p$", title=r"41 starts at rest, at $t = 0, 2\pi/\omega, 4\pi/\omega, \ldots$")
     print("wrote", save(figure, ["driven_oscillator.png"])[0].resolve())
 

@@ -40,7 +40,7 @@ def main():
     figure = new_figure(6.4, 5.6)
     axes = figure.subplots()
     for q, p, colour in zip(many.q.values, many.p.values, mpl.colormaps["cividis"](abs(x0) / 0.8), strict=True):
-        axes.plot(q[:, 0], p[:, 0], ".", markersize=1.6, markeredgewidth=0, color=colour)
+        axes.plot(q[:, 0], p[:, 0], ".", markersize=1.6, markeredgewidth=0, color=colour, rasterized=True)
     axes.set(xlabel="$x$", ylabel="$p_x$", title="$E = -0.337$: states at $y = 0$, $p_y > 0$")
     print("wrote", save(figure, ["poincare_section.png"])[0].resolve())
 

@@ -22,7 +22,7 @@ _PAGES = {
         "nearharmonic_paper.pages.library:gallery",
         _EVERY,
         {"files": sorted(map(str, Path("examples").glob("*.py")))},
-        {path.stem: f"gallery/{path.stem}.png" for path in sorted(Path("examples").glob("*.py"))},
+        {path.stem: f"gallery/{path.stem}.svg" for path in sorted(Path("examples").glob("*.py"))},
     ),
     "reference/methods": ("nearharmonic_paper.pages.library:methods", _EVERY, {}, {}),
     "how_to/files": (
@@ -44,7 +44,7 @@ _PAGES = {
         "nearharmonic_paper.pages.library:adapters",
         _METHODS,
         {"errors": "docs/how_to/adapters.csv"},
-        {"figure": "adapters.png"},
+        {"figure": "adapters.svg"},
     ),
     "results/derivation": (
         "nearharmonic_paper.pages.targets:derivation",
@@ -95,12 +95,12 @@ _SETTINGS = {
 # Page -> the command below benchmarks/ that measures for it, and the other files that it writes.
 _MEASURED = {
     "start/choosing": ("which_method", ["which_method.csv"]),
-    "results/examples": ("near_harmonic", ["near_harmonic.png"]),
+    "results/examples": ("near_harmonic", ["near_harmonic.svg"]),
     "results/ranking": ("ranking", []),
-    "how_to/gauss": ("gauss", ["gauss.png"]),
-    "how_to/tabulated_potentials": ("tabulated_potentials", ["tabulated_potentials.png"]),
+    "how_to/gauss": ("gauss", ["gauss.svg"]),
+    "how_to/tabulated_potentials": ("tabulated_potentials", ["tabulated_potentials.svg"]),
     "how_to/tailor": ("tailor", []),
-    "how_to/tangent_maps": ("tangent_maps", ["tangent_maps.png"]),
+    "how_to/tangent_maps": ("tangent_maps", ["tangent_maps.svg"]),
 }
 _OF_TIMES = ("results/ranking", "results/timings", "results/regularised")
 

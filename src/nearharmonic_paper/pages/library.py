@@ -8,7 +8,6 @@ import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from decimal import ROUND_DOWN, Context
-from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from textwrap import dedent
@@ -28,7 +27,8 @@ from nearharmonic.plotting.style import house_style, log_scale, method_handles, 
 from nearharmonic.systems import systems as known
 from nearharmonic.theory.order import harmonic_order, order_of
 from nearharmonic.theory.oscillator import stability_limit
-from nearharmonic_paper.pages.filling import fills, table
+from nearharmonic_paper.pages.filling import drawn, fills, table
+from nearharmonic_paper.report.shown import on_page
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -133,7 +133,8 @@ def adapters(errors: str) -> dict[str, Any]:
     found = from_csv(Path(errors).read_text(encoding="utf-8"))
     names = found.header[4:]
     header = (*found.header[:4], *(f"`{name}`" for name in names))
-    return {"errors": "\n".join(pipes(header, found.rows, align="llllr")), "figure": errors_drawn(names, found.rows)}
+    lines = pipes(header, found.rows, align="llllr")
+    return {"errors": "\n".join(lines), "figure": drawn(errors_drawn(names, found.rows))}
 
 
 @house_style
@@ -162,8 +163,8 @@ def errors_drawn(names: Sequence[str], rows: Sequence[Sequence[str]]) -> Figure:
 # --- docs/start/gallery.md --------------------------------------------------------------------------------------------
 
 
-#: Width in pixels of a picture of the gallery, and cards in a row.
-WIDTH, CARDS = 420, 3
+#: Cards in a row of the gallery.
+CARDS = 3
 
 
 @fills
@@ -172,7 +173,7 @@ def gallery(files: Sequence[str]) -> dict[str, Any]:
     places = sorted(map(Path, files))
     titles = {place.stem: (ast.get_docstring(ast.parse(place.read_text("utf-8"))) or place.stem) for place in places}
     cards = [
-        f"[![{name}](gallery/{name}.png)](#{name}) **{name}**: {title.splitlines()[0].replace('|', chr(92) + '|')}"
+        f"[![{name}](gallery/{name}.svg)](#{name}) **{name}**: {title.splitlines()[0].replace('|', chr(92) + '|')}"
         for name, title in titles.items()
     ]
     cards += [""] * (-len(cards) % CARDS)
@@ -196,13 +197,9 @@ def entry(place: Path) -> str:
 
 
 def picture_drawn(place: Path) -> bytes:
-    """Run an example, and return its picture as a small PNG file."""
-    from PIL import Image
-
-    with TemporaryDirectory() as folder, BytesIO() as small:
-        subprocess.run([sys.executable, str(place.resolve())], cwd=folder, check=True, stdout=subprocess.DEVNULL)
-        (made,) = Path(folder).glob("*.png")
-        with Image.open(made) as whole:
-            size = (WIDTH, round(WIDTH * whole.height / whole.width))
-            whole.convert("RGB").resize(size, Image.Resampling.LANCZOS).save(small, "PNG", optimize=True)
-        return small.getvalue()
+    """Run an example as if it wrote an SVG file, and return the picture."""
+    with TemporaryDirectory() as folder:
+        copy = Path(folder, place.name)
+        copy.write_text(place.read_text("utf-8").replace(f'"{place.stem}.png"', f'"{place.stem}.svg"'), "utf-8")
+        subprocess.run([sys.executable, str(copy)], cwd=folder, check=True, stdout=subprocess.DEVNULL)
+        return on_page(str(copy.with_suffix(".svg")))["picture"]

@@ -73,7 +73,7 @@ def pages_alone(figures: Iterable[Figure]) -> dict[str, str]:
 
 # --- Static pictures of pages.
 #
-# Reduced SVG files and small pictures as data URIs for the page of results; PNG files of 256 colours for pages of docs.
+# Reduced SVG files for pages of docs and, with small pictures, as data URIs for the page of results.
 
 #: Redundant parts of the SVG files of matplotlib, and their replacements. Coordinates keep a hundredth of a point.
 _SHORTER: tuple[tuple[re.Pattern[str], str | Callable[[re.Match[str]], str]], ...] = (
@@ -99,8 +99,8 @@ _SIZE = re.compile(r'<svg [^>]*?width="([\d.]+)pt" height="([\d.]+)pt"')
 #: Width of a small picture in pixels, for screens of two pixels per unit, and its quality of 100. Before it is resized,
 #: it is reduced to twice this width or more, and compressed with half the effort: both halve the time.
 _WIDTH, _QUALITY, _REDUCED, _EFFORT = 320, 70, 2.0, 2
-#: Largest width in pixels of a PNG file of a page below docs, and the number of its colours that are the figure's own.
-WIDEST, KEPT = 1100, 48
+#: Style of a picture of a page below docs. A browser compares with the ``color-scheme`` of the element that shows it.
+_DARK = "@media (prefers-color-scheme:dark){svg{filter:invert(.91) hue-rotate(180deg)}.paper{display:none}}"
 #: Characters that end a data URI or an attribute in single quotes, or have a special meaning there.
 _ESCAPED = {"%": "%25", "#": "%23", "&": "%26", "'": "%27"}
 
@@ -133,22 +133,10 @@ def thumbnail(png: Path) -> str:
     return f"data:image/webp;base64,{b64encode(held.getvalue()).decode()}"
 
 
-def few_colours(figure: str) -> dict[str, bytes]:
-    """Return the PNG file ``figure`` in 256 colours as ``picture``; the :data:`KEPT` most frequent ones are exact."""
-    import numpy as np
-    from PIL import Image
-
-    with Image.open(figure) as file, BytesIO() as written:
-        whole, shown = file.convert("RGB"), file.convert("RGB")
-        shown.thumbnail((WIDEST, whole.height), Image.Resampling.LANCZOS, reducing_gap=None)
-        few = shown.quantize(256 - KEPT, Image.Quantize.MAXCOVERAGE, kmeans=3, dither=Image.Dither.NONE)
-        palette, pixels = few.getpalette() or [], np.asarray(shown)
-        for _, colour in sorted(whole.getcolors(whole.width * whole.height) or ())[-KEPT:]:
-            few.paste(len(palette) // 3, mask=Image.fromarray((pixels == colour).all(axis=2)))
-            palette += np.array(colour).tolist()
-        few.putpalette(palette)
-        few.save(written, "PNG", optimize=True)
-        return {"picture": written.getvalue()}
+def on_page(figure: str) -> dict[str, bytes]:
+    """Return the SVG file ``figure`` as ``picture``: in the dark, clear, with its lightness turned over."""
+    svg = Path(figure).read_text(encoding="utf-8").replace('<g id="patch_1">', '<g class="paper">', 1)
+    return {"picture": (shorter(svg).replace("</style>", f"{_DARK}</style>", 1) + "\n").encode()}
 
 
 # --- Formats of numbers and verdicts on the page.

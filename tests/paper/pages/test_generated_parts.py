@@ -1,23 +1,21 @@
 """Generated parts of pages: small inputs give the lines that they should; what is cheap to make stands in the pages."""
 
 import re
+import xml.etree.ElementTree as ET
 from functools import partial
 from html import unescape
 from runpy import run_path
 
-import matplotlib as mpl
 import numpy as np
 import pytest
-from PIL import Image, ImageColor
 
 import nearharmonic as nh
 from nearharmonic.integrators import BENCHMARKED
 from nearharmonic.output.table import filled, short
-from nearharmonic.plotting.style import style_of
+from nearharmonic.plotting.style import new_figure, style_of
 from nearharmonic.recommendation.measure import Solver, curves_of, dataset_of
 from nearharmonic_paper.pages import library, targets
-from nearharmonic_paper.pages.filling import rows_of
-from nearharmonic_paper.report.shown import few_colours
+from nearharmonic_paper.pages.filling import drawn, rows_of
 from nearharmonic_studies.crystals import results as of_crystals
 from nearharmonic_studies.samplers.results import page as samplers
 from nearharmonic_studies.trained.page import page as trained
@@ -143,7 +141,8 @@ def test_solutions_of_the_derivation_are_those_recorded(recorded):
     assert page["page"] == text_of("derivation")
 
 
-def test_tables_of_files_beside_pages_stand_in_the_pages():
+def test_tables_of_files_beside_pages_stand_in_the_pages(monkeypatch):
+    monkeypatch.setattr(library, "drawn", lambda figure: figure)
     page = library.adapters(str(PAGES["adapters"]), errors=str(DOCS / "how_to/adapters.csv"))
     assert page["page"] == text_of("adapters")
     axes = page["figure"].axes[0]
@@ -235,7 +234,7 @@ def test_pages_on_use_are_measured_with_small_settings(name, settings, line, mon
     made = (tmp_path / f"how_to/{name}.md").read_text(encoding="utf-8")
     assert filled(made, parts(text_of(name))) == text_of(name)
     assert line in made
-    assert [path.name for path in tmp_path.glob("*/*.png")] == [f"{name}.png"] * (name != "tailor")
+    assert [path.name for path in tmp_path.glob("*/*.svg")] == [f"{name}.svg"] * (name != "tailor")
 
 
 def test_largest_steps_and_slopes_are_those_of_powers():
@@ -262,36 +261,16 @@ def test_gains_on_examples_are_ratios_of_the_smallest_errors():
     assert module.gains_drawn(results).axes[0].lines[0].get_ydata() == pytest.approx([1])
 
 
-def lab(colour):
-    """CIE L*a*b* of a colour as eight bits of sRGB, for the white of D65."""
-    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in (part / 255 for part in colour)]
-    x, y, z = (
-        t ** (1 / 3) if t > 216 / 24389 else t * 841 / 108 + 4 / 29
-        for t in SRGB_TO_XYZ @ linear / SRGB_TO_XYZ.sum(axis=1)
-    )
-    return np.array([116 * y - 16, 500 * (x - y), 200 * (y - z)])
-
-
-SRGB_TO_XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("width", "expected"), [(1300, 1100), (300, 300)])
-def test_picture_of_page_keeps_colours_of_methods_and_shades(tmp_path, width, expected):
-    """CIE Delta E of each method and of ten shades of a scale, beside noise of many colours, is at most 5."""
-    place, height = tmp_path / "figure.png", width // 2
-    shades = [tuple(round(255 * part) for part in mpl.colormaps["cividis"](i / 9)[:3]) for i in range(10)]
-    colours = [ImageColor.getrgb(style_of(name).colour) for name in BENCHMARKED] + shades
-    noise = 8 * np.random.default_rng(1).integers(0, 32, (height, width, 3), np.uint8)
-    drawn = Image.fromarray(noise)
-    for i, colour in enumerate(colours):
-        drawn.paste(colour, (i * width // 20, height // 2, (i + 1) * width // 20, height))
-    drawn.save(place)
-    place.write_bytes(few_colours(str(place))["picture"])
-    with Image.open(place) as picture:
-        assert (picture.format, picture.size) == ("PNG", (expected, expected // 2))
-        row = [picture.convert("RGB").getpixel(((2 * i + 1) * expected // 40, expected * 3 // 8)) for i in range(20)]
-    assert max(np.linalg.norm(lab(one) - lab(other)) for one, other in zip(colours, row, strict=True)) < 5
+def test_picture_of_page_has_every_colour_of_its_figure_and_one_background():
+    figure = new_figure(4, 3)
+    axes = figure.subplots()
+    for name in BENCHMARKED:
+        axes.plot([0, 1], **style_of(name).line())
+    text = drawn(figure).decode()
+    assert {style_of(name).colour for name in BENCHMARKED} <= set(re.findall("#[0-9a-f]{6}", text))
+    ((background,),) = ET.fromstring(text).iterfind(".//*[@class='paper']")
+    assert background.attrib["style"] == "fill: #ffffff"
+    assert {*re.findall(r"\d+", background.attrib["d"])} == {"0", "288", "216"}
 
 
 def test_gains_in_libraries_are_ratios_with_paired_intervals(monkeypatch):

@@ -8,10 +8,13 @@ import subprocess
 import sys
 from functools import cache
 from html.parser import HTMLParser
+from io import BytesIO
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
+import numpy as np
 import pytest
+from PIL import Image
 
 pytest.importorskip("sphinx", reason="the site needs the extra [docs]")
 
@@ -150,7 +153,13 @@ def test_each_page_and_its_contents_fit_the_window(browser, width):
     assert hidden or drawer["x"] + drawer["width"] <= width
 
 
-def test_pictures_stand_on_white_in_dark_mode(browser):
-    page = browser("start/gallery.html", color_scheme="dark")
-    colours = "[...document.querySelectorAll('article img')].map(one => getComputedStyle(one).backgroundColor)"
-    assert {*page.evaluate(colours)} == {"rgb(255, 255, 255)"}
+@pytest.mark.parametrize("theme", ["light", "dark"])
+@pytest.mark.parametrize("name", ["index", "start/quickstart"], ids=["figure", "notebook"])
+def test_backgrounds_of_pictures_are_the_colour_of_the_page(browser, name, theme):
+    """The theme of the site decides, and not the scheme of the system: the button at the top chooses it."""
+    page = browser(f"{name}.html", color_scheme="light" if theme == "dark" else "dark")
+    page.evaluate(f"document.body.dataset.theme = '{theme}'")
+    paper = [int(part) for part in re.findall(r"\d+", page.evaluate("getComputedStyle(document.body).backgroundColor"))]
+    shot = np.asarray(Image.open(BytesIO(page.locator("article img").first.screenshot())).convert("RGB"))
+    assert shot[2, 2] == pytest.approx(paper, abs=1)
+    assert abs(shot.mean(axis=2) - np.mean(paper)).max() > 200  # ink on it
