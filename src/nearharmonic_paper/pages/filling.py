@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from functools import wraps
-from math import isfinite, isnan, log10
+from math import isfinite, log10
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -73,8 +73,8 @@ def label(name: str) -> str:
 
 
 def signed(x: float, digits: int = 2) -> str:
-    """A number with its sign, nothing for NaN."""
-    return "" if isnan(x) else f"{x:+.{digits}f}".replace("-", MINUS)
+    """A number with its sign, nothing if it is not finite."""
+    return f"{x:+.{digits}f}".replace("-", MINUS) if isfinite(x) else ""
 
 
 def shown(x: float, form: str, missing: str = "–") -> str:

@@ -271,8 +271,8 @@ def page(cube: str) -> dict[str, str]:
                 for name in found.trained_for.values if not name.startswith(SEARCHED)
             ],
         ),
-        "ends": f"The grid is {LEAST} to {MOST} per stage, over the highest frequency. Of {taus.size} best steps "
-        f"{np.count_nonzero((taus <= 1.001 * LEAST) | (taus >= 0.999 * MOST))} lie at its ends.",
+        "ends": f"The grid is {LEAST} to {MOST} per stage, over the highest frequency. Best steps at its ends: "
+        f"{np.count_nonzero((taus <= 1.001 * LEAST) | (taus >= 0.999 * MOST))} of {taus.size}.",
     }  # fmt: skip
 
 

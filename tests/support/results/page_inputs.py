@@ -112,7 +112,7 @@ LINES = {
     "samplers": {
         "gaussians": "| BCSS 4 | **4.00** |", "targets": "| BCSS 4 | **2.00 (1.80 to 2.20)** | 0.50 (0.45 to 0.55) |",
         "trained": "| φ⁴ field | BCSS 4 | 0.75 (0.68 to 0.83) |", "alone": "| b = 0.5 | 1.25 |",
-        "ends": "The grid is 0.15 to 1.6 per stage, over the highest frequency. Of 9 best steps 2 lie at its ends.",
+        "ends": "The grid is 0.15 to 1.6 per stage, over the highest frequency. Best steps at its ends: 2 of 9.",
     },
     "timings": {
         "ratios": "| simple harmonic oscillator, each of an ensemble | 0.25 | 0.25 | – |",
