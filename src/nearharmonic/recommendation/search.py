@@ -58,7 +58,7 @@ class Choice:
     """One method at its recommended setting, or at its most accurate setting if none meets the bound.
 
     ``method`` is its name in the registry, or the path of the file that defines it. ``status`` is "met" if the run and
-    all finer runs meet the bound; "missed" if no run within the budget does, and the setting is that of the smallest
+    all finer runs meet the bound; "missed" if no run within the budget does, and the setting has the smallest
     error; or "not run", for the given ``reason``. ``tau`` is in the system's unit of time, NaN for adaptive methods,
     ``tolerance`` NaN for others. ``summation`` is "plain" where this does not increase the error, else "compensated",
     empty for other libraries. ``error`` is in the requested measure, ``time`` is the run's smallest wall time in s,

@@ -271,7 +271,7 @@ class HalfSteps(RegularisedFormulas):
 
 @pytest.mark.slow
 def test_systems_of_different_time_maps_get_their_own_code():
-    """Steps of the fictitious time are those of physical time over the semi-major axis: half of it, half as many."""
+    """Steps of fictitious time are physical steps over the semi-major axis: half of them in half the time."""
     own = nh.systems["kepler_regularised"]
     system, other = (replace(own, regularisation=Regularisation(gravity="GM")) for _ in range(2))
     maps = other.formulas().regularised
