@@ -1,7 +1,7 @@
 """Microseconds of a second call of ``sweep`` and ``integrate``, with runs so short that overhead dominates.
 
 Run: ``python benchmarks/calls.py`` (about 10 s). Each line is the least time of many calls, which take turns. The
-arrays of the kernel hold ten steps of one run: the time is that of the checks, the exact coefficients, the look-up of
+arrays of the kernel hold ten steps of one run: the time is taken by the checks, the exact coefficients, the look-up of
 the kernel and the Dataset.
 """
 

@@ -49,7 +49,7 @@ MANY = ("integrate", "compile")
 
 @dataclass(frozen=True)
 class Run:
-    """Wall and CPU seconds of a run, with all processes; and those of each job that has a receipt, by its log."""
+    """Wall and CPU seconds of a run, with all processes; and of each job that has a receipt, by its log."""
 
     wall: float
     cpu: float
@@ -142,7 +142,7 @@ def ratios(trees: Iterable[Copy], cases: Sequence[str], repeats: int, cores: int
 
 def main() -> None:
     parser = parser_of(__doc__)
-    parser.add_argument("targets", nargs="*", help="targets of the run (default: that of the workflow)")
+    parser.add_argument("targets", nargs="*", help="targets of the run (default: the workflow's)")
     parser.add_argument("--configfile", help="config of the run (default config/config.yaml)")
     parser.add_argument("--cores", type=int, default=2, help="jobs at once (default 2)")
     parser.add_argument("--against", type=Path, metavar="CHECKOUT", help="another checkout, with a .venv")

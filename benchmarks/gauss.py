@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 PAGE, PICTURE = "docs/how_to/gauss.md", "gauss.svg"
 GAUSS = "gauss16"
-#: Amplitudes of the Henon-Heiles system, in units of that of the paper's start; the interval; numbers of steps that are
+#: Amplitudes of the Henon-Heiles system, in units of the paper's start; the interval; numbers of steps that are
 #: tried, and the energy error that the first of them must reach; position and momentum of that start.
 AMPLITUDES, UNTIL, STEPS, ERROR = (1.0, 0.3, 0.1, 0.03, 0.01), 500, range(100, 600, 10), 1e-12
 START = (0.3, 0.0), (0.0, 0.4)

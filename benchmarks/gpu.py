@@ -179,7 +179,7 @@ def prepare(folder):
 def counted(text):
     """Double-precision instructions of a kernel's text: in its stage loop, in the rest of its step loop, and in all.
 
-    Loops are those of backward branches. The stage loop is the one without another inside, the step loop the next
+    Backward branches mark loops. The stage loop is the one without another inside, the step loop the next
     around it. NaN where blocks of the loops are not in order, as for sines.
     """
     lines, places = text.splitlines(), {}

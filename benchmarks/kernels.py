@@ -3,7 +3,7 @@
 Run: ``python benchmarks/kernels.py`` (about a minute; needs a C compiler as ``cc``); ``--page`` writes some rows to
 ``docs/results/timings.md``. Prints, for each system, summation and width, the minimum over the repeats in nanoseconds:
 C as a user writes the method; C in the form of our kernels, and whether both ended in the same state, bit for bit;
-ours, and ours over that of C in either form. The C step measures no energy; "energy" is ours with the double-double
+ours, and ours over C in either form. The C step measures no energy; "energy" is ours with the double-double
 energy at every step; "sweep" is a whole sweep of the paper's ten methods over 61 step sizes with lane refill, energies
 and all, per stage actually done.
 """

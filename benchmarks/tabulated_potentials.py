@@ -68,7 +68,7 @@ def parts():
 def steps_to_errors(found: Errors) -> Iterator[tuple[str, ...]]:
     """A row for each method and form: its slope, and the largest step sizes up to which all errors are below bounds.
 
-    In brackets is the factor by which a step size is smaller than that of the first form.
+    In brackets is the factor by which a step size is smaller than with the first form.
     """
     for method, several in found.items():
         best: list[float] = []

@@ -24,7 +24,7 @@ from nearharmonic.training.tailor import Tailored, comparison, ensembles, tailor
 from nearharmonic_paper.pages.filling import table
 
 PAGE = "docs/how_to/tailor.md"
-#: Systems, those of the examples by the names of their files, and trials of their searches among six to twelve stages.
+#: Systems, or the names of the files of examples, and trials of their searches among six to twelve stages.
 TAILORED = (
     "henon_heiles", "kepler", "relativistic_oscillator", "morse", "pendulum", "quartic_well", "double_well",
     "toda_chain", "outer_solar_system", "driven_oscillator",

@@ -22,15 +22,15 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PAGE, PICTURE = "docs/how_to/tangent_maps.md", "tangent_maps.svg"
-#: Energies of the panels, those of Figures 5 and 6 of Henon & Heiles (1964), doi:10.1086/109234.
+#: Energies of the panels, as in Figures 5 and 6 of Henon & Heiles (1964), doi:10.1086/109234.
 ENERGIES = (Fraction(1, 8), Fraction(1, 6))
 #: Points of a panel along each axis, edges of both axes (all starts of the energy 1/6 are inside), and the time.
 SIZE, EDGES, T_END = 512, ((-0.5, 1.0), (-0.6, 0.6)), 1000
 #: MEGNO above which an orbit counts as chaotic. It is 2 for a regular orbit, with oscillations that decay like 1/t, and
 #: exceeds 4 after eight Lyapunov times.
 CHAOTIC = 4.0
-#: Exponents at both ends of the colours; that of a regular orbit falls like (ln t)/t, which is 0.007 at the end. The
-#: number of colours: with those of a continuous map the picture of so many points is twice as large.
+#: Exponents at both ends of the colours; a regular orbit's falls like (ln t)/t, which is 0.007 at the end. The
+#: number of colours: with a continuous map the picture of so many points is twice as large.
 EXPONENTS, COLOURS = (0.003, 0.15), 17
 
 

@@ -6,7 +6,7 @@ from fractions import Fraction
 from nearharmonic import Parameter, System
 from nearharmonic.math import array, sqrt, sum
 
-# Mass, position and velocity on September 5, 1994, 0h. The Sun's mass includes that of the inner planets.
+# Mass, position and velocity on September 5, 1994, 0h. The Sun's mass includes the inner planets.
 BODIES = {
     "Sun": ("1.00000597682", "0 0 0", "0 0 0"),
     "Jupiter": ("0.000954786104043", "-3.5023653 -3.8169847 -1.5507963", "0.00565429 -0.00412490 -0.00190589"),

@@ -88,7 +88,7 @@ def pytest_configure(config):
 class OneProcessAFile(LoadScopeScheduling):
     """The tests of a file go to one process, so that they share fixtures and caches.
 
-    So do the files of FINISHED, and those of an experiment: two processes would compile its kernels twice.
+    So do the files of FINISHED, and the files of an experiment: two processes would compile its kernels twice.
     """
 
     def _split_scope(self, nodeid: str) -> str:

@@ -28,7 +28,7 @@ from nearharmonic.theory.oscillator import stability_limit
 from nearharmonic_paper.pages.library import rounded_down
 
 ROOT = Path(__file__).parents[2]
-#: Folder of the generated pages, relative to that of the configuration; git ignores it.
+#: Folder of the generated pages, relative to the folder of the configuration; git ignores it.
 FOLDER = "reference/generated"
 #: Width of the terminal of help texts: lines of this length fit a page of the site.
 COLUMNS = 90

@@ -204,7 +204,7 @@ class Registry(Mapping[str, Entry]):
         return None if base is None else self._modules[base]
 
     def __getattr__(self, name: str) -> Any:
-        # Python looks up private names that a module may not have, and those of the package before it is complete.
+        # Python looks up private names that a module may not have, and names of the package before it is complete.
         package = self.__dict__["_package"]
         if not hasattr(package, name) and not name.startswith("_") and name in self._files():
             return import_module(f"{self.__name__}.{name}")
@@ -287,7 +287,7 @@ def _cell(value: object) -> str:
 class Selection(Mapping[str, Entry]):
     """A view of the entries of a registry that fulfil a condition, in the order of the registry.
 
-    ``name`` is that of the view in the package of the registry, ``text`` its docstring.
+    ``name`` is the name of the view in the package of the registry, ``text`` its docstring.
     """
 
     def __init__(self, registry: Registry[Entry], name: str, fulfils: Callable[[Entry], bool], text: str = "") -> None:
@@ -362,9 +362,7 @@ def is_trusted(file: str | os.PathLike[str]) -> bool:
 
 
 def check_trust(*files: str | os.PathLike[str]) -> None:
-    """Raise an error for users' files that are not among those of :func:`trusting_only`, with the SHA-256 of their
-    bytes.
-    """
+    """Raise an error for users' files that :func:`trusting_only` refuses, with the SHA-256 of their bytes."""
     refused = [os.fspath(file) for file in files if not is_trusted(file)]
     if refused:
         told = ", ".join(f"{file} (SHA-256 {_file_digest(Path(file))})" for file in refused)

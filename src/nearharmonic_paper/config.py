@@ -247,7 +247,7 @@ def _loader() -> Any:
     """Return a loader of YAML without Python objects, which refuses repeated keys and numbers that YAML misreads."""
     import yaml
 
-    class Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]  # that of libyaml is fast
+    class Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]  # libyaml is fast
         def construct_mapping(self, node: Any, deep: bool = False) -> Any:
             first: dict[str, Any] = {}
             for key in (key for key, _ in node.value if isinstance(key, yaml.ScalarNode)):
@@ -258,7 +258,7 @@ def _loader() -> Any:
             return super().construct_mapping(node, deep)
 
     def number(loader: Any, node: Any) -> Any:
-        """Compare the value with that of the decimal digits: 010 is 8 for YAML 1.1, and 1:30 is 90."""
+        """Compare the value with the decimal number as written: 010 is 8 for YAML 1.1, and 1:30 is 90."""
         kind = node.tag.rpartition(":")[2]
         read = getattr(loader, f"construct_yaml_{kind}")(node)
         try:
@@ -316,7 +316,7 @@ def read(place: Path) -> Config:
 def load(mapping: Mapping[str, Any], files: Iterable[Path | str] = ()) -> Config:
     """Return ``mapping`` as a :class:`Config`, after validation of the types and then of relations between keys.
 
-    Systems and integrators of the config are then in the registries, in place of those of a previous config. Users'
+    Systems and integrators of the config then replace a previous config's definitions in the registries. Users'
     files are searched for in the working directory, then in the folders of the config's ``files``.
     """
     folders = list(dict.fromkeys([Path(), *(Path(os.path.relpath(Path(file).parent)) for file in files)]))
@@ -457,7 +457,7 @@ _OWN = ("file", "system", "label", "q0", "p0", "energy", "parameters", "split")
 
 
 def _define(config: Config, folders: Sequence[Path]) -> None:
-    """Define the systems and integrators of a config in the registries, in place of those of any previous config.
+    """Define the systems and integrators of a config in the registries; they replace a previous config's definitions.
 
     Formulas of a user's system are evaluated once, so that errors occur before any job.
     """

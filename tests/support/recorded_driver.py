@@ -1,4 +1,4 @@
-"""A driver of a GPU that records its calls; memory is that of the process, and a launch runs native code.
+"""A driver of a GPU that records its calls; memory belongs to the process, and a launch runs native code.
 
 It has the functions of ``cuda.bindings.driver`` that :mod:`nearharmonic.engine.device` calls.
 """

@@ -27,7 +27,7 @@ def stems(suffix, made):
 
 
 def each(suffix):
-    """Parameters (after, stem): files of a figure in README's command, those of other targets as slow tests."""
+    """Parameters (after, stem): files of a figure in README's command, files of other targets as slow tests."""
     first = stems(suffix, MADE_BY["all"])
     rest = sorted({*stems(suffix, MADE)} - {*first})
     cases = [("fig3", stem) for stem in stems(suffix, MADE_BY["fig3"])]
@@ -41,7 +41,7 @@ OF_NO_METHOD = (
     "henon_heiles_stability", "fig6_substeps", "fig6_displaced", "linear_stability", "crystals_map",
     "crystals_phonons", "crystals_gain", "samplers_trained",
 )  # fmt: skip
-#: Methods that a figure shows in place of those of the config.
+#: Methods that a figure shows in place of the config's.
 SHOWN = {
     "fig2_decomposition": DECOMPOSED, "exact_oscillator_charge": ("aba864",), "crystals_error": ON_CRYSTALS,
     "crystals_long_runs": ("leapfrog", "trained_light"), "samplers_gaussian": SAMPLING, "samplers_targets": SAMPLING,
@@ -49,7 +49,7 @@ SHOWN = {
 
 
 def compared(stem):
-    """Names of the methods of a cube, in order; beside those of the config, two experiments have one found there."""
+    """Names of the methods of a cube, in order; besides the config's, two experiments have one found there."""
     found = {"crystals": (*ON_CRYSTALS, "trained_on_crystals"), "samplers": (*SAMPLING, "searched_s4")}
     return contestants() if stem == "trained" else found.get(stem, DECOMPOSED if stem == "sho_terms" else METHODS)
 

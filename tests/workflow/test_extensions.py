@@ -11,7 +11,7 @@ from support.projects.workflow_project import ROOT, TINY, Project
 
 pytestmark = pytest.mark.slow
 
-#: An experiment with all its parts: the folder of its source and that of its tests.
+#: An experiment with all its parts: the folders of its source and of its tests.
 ADDED = ROOT / "tests/support/projects/added"
 
 QUARTIC = '''"""Quartic oscillator, H = (p^2 + q^2)/2 + q^4/4."""
@@ -80,7 +80,7 @@ def insert(path, before, line):
 
 
 def add_experiment(project):
-    """Copy the folder of an experiment into the project, and that of its tests; include its rules in the Snakefile."""
+    """Copy the folders of an experiment and of its tests into the project; include its rules in the Snakefile."""
     room = "src/nearharmonic_paper/experiments/added"
     shutil.copytree(ADDED / "source", project.folder / room)
     tests = project.folder / "tests/paper/experiments/added"

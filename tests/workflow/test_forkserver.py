@@ -12,7 +12,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-#: Functions of jobs, in a module of their own as those of the packages.
+#: Functions of jobs, in a module of their own as in the packages.
 FUNCTIONS = """
 import os, signal, sys, time
 from pathlib import Path

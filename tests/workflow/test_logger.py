@@ -87,7 +87,7 @@ def test_evaluations_are_those_of_the_receipt(tmp_path):
 
 
 def printed(*records, about=None, **options):
-    """What a handler prints that Snakemake would make, with a filter such as that of ``--quiet``."""
+    """Output of a handler that Snakemake would make, with a filter such as the one of ``--quiet``."""
     with redirect_stderr(io.StringIO()) as stream:
         handler = LogHandler(SimpleNamespace(**PLAIN | options), None)
         handler.addFilter(about or (lambda one: True))

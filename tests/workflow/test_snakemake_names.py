@@ -58,7 +58,7 @@ OF_JOBS = (
 
 #: A source whose ``asked`` are Snakemake's settings; the fields of its records are asked for by name.
 OF_RECORDS = "src/snakemake_logger_plugin_nearharmonic/__init__.py"
-#: A field of a record, or of that of the start of its job.
+#: A field of a record, or of the record of the start of its job.
 FIELD = re.compile(r'getattr\((?:record|started), ["\']([a-z_]+)["\']')
 
 

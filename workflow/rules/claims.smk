@@ -5,7 +5,7 @@ from nearharmonic_paper.claims.table import digest as digest_of_own
 
 rule decide_claims:
     input:
-        # Unnamed inputs: the job finds them, and those of other targets, in the folder.
+        # Unnamed inputs: the job finds them, and cubes of other targets, in the folder.
         PAPER_CUBES,
         list(PAPER_TABLES.values()),
     output:

@@ -43,7 +43,7 @@ if IS_NEW and not (IS_JOB or IS_DRY or IS_TOUCHED):
 SWEEPS = {sweep.system: sweep for sweep in CONFIG.sweeps}
 METHODS = CONFIG.methods
 EXPERIMENTS = experiments()
-#: Cubes beside those of systems; long orbits of the paper's systems are made for configs with one of these alone.
+#: Cubes that are not named after a system; long orbits of the paper's systems are made for configs with one of these alone.
 CUBES = [
     stem for one in EXPERIMENTS.values() for stem in one.cubes if CONFIG.has_systems_of_the_paper or stem not in ORBITS
 ]

@@ -83,7 +83,7 @@ def record_start():
 
 def record_end(exit_status):
     """Write the manifest and the line of the history."""
-    cancel_timers()  # also those of interrupted runs and of other executors
+    cancel_timers()  # also timers of interrupted runs and of other executors
     if not IS_TOUCHED:
         if not exit_status:
             forget(Path(RESULTS))

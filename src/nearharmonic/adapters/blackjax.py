@@ -44,7 +44,7 @@ def integrator(method: str | Tableau) -> Integrator:
     Notes
     -----
     A step of ``method`` spans ``stages`` gradients. At equal numbers of gradients the step size is ``stages`` times
-    that of ``velocity_verlet``, and ``num_integration_steps`` is smaller by this factor.
+    as large as for ``velocity_verlet``, and ``num_integration_steps`` is smaller by this factor.
 
     Methods that require a quadratic kinetic energy keep their order with the Gaussian metrics of BlackJAX. With another
     ``kinetic_energy_fn`` they have order 2; samples are right all the same, as the proposal is accepted or not.

@@ -207,8 +207,8 @@ def _compiled(method: Method) -> Any:
 def _add(integrator: Integrator, name: str) -> None:
     """Add an entry to REBOUND's table of integrators.
 
-    REBOUND 5.2 does not return from the registration of a second integrator: it compares the new name with that of the
-    entry behind the last. Each is therefore registered in an empty table, and the tables are joined.
+    REBOUND 5.2 does not return from the registration of a second integrator: it compares the new name with the name
+    of the entry behind the last. Each is therefore registered in an empty table, and the tables are joined.
     """
     try:
         pointer = ctypes.POINTER(IntegratorConfiguration).in_dll(_C, "reb_integrator_configurations_custom")

@@ -60,9 +60,9 @@ def advanced(method: Method, right_hand_side: RightHandSide, state: State, t: fl
 
 
 class ShortenedStep(DenseOutput):  # type: ignore[misc]  # scipy has no types
-    """The state within a step: that behind a shortened step of the method from the start of the step.
+    """State within a step: the result of a shortened step of the method from the start of the step.
 
-    Its error is that of one step at most, of the order of the method. Each time evaluates the forces of a step, and
+    Its error is at most one step's error, of the order of the method. Each time evaluates the forces of a step, and
     the ends of the step none.
     """
 
@@ -169,7 +169,7 @@ def solver(method: str | Tableau, dimension: int) -> type[SplittingSolver]:
       the last one ends at the end of the interval. An interval that runs backwards has negative steps.
     - ``rtol``, ``atol`` and other options have no effect, which a warning says.
     - ``events``, ``t_eval`` and ``dense_output`` evaluate the method itself: a shortened step aside, from the start of
-      the step. The error of a state within a step is that of one step at most. The trajectory does not depend on them.
+      the step. A state within a step has at most the error of one step. The trajectory does not depend on them.
       Each such state costs the forces of a step; a root of an event needs about eight.
     - ``vectorized`` is allowed and has no effect on the cost.
 

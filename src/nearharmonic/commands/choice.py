@@ -75,7 +75,7 @@ def recommend_answer(chosen: argparse.Namespace) -> Answer:
     budget = None if chosen.budget is None else whole_number(chosen.budget, "budget")
     search = Search(chosen.system, chosen.error, measure=chosen.measure, t_end=t_end, methods=methods, budget=budget)
     limit = LIMIT if chosen.limit is None else whole_number(chosen.limit, "limit")
-    if methods is not None:  # which are those of this package
+    if methods is not None:  # results would only add other libraries
         results = None
     folder = results if chosen.results is None else chosen.results
     return ranking(recommendation(search, folder, to_terminal if chosen.format == "table" else lambda _: None), limit)

@@ -158,8 +158,8 @@ def iteration(form: Form, forces_behind: Any) -> Any:
 # --- Steps for states that are points.
 #
 # A state is (q, q_low, p, p_low, f, ready, iterations, failed): with f, the forces at the stages of the last step,
-# which are extrapolated to those of the next one where ``ready`` is 1. Coefficients and conditions of symplecticity
-# are those of :mod:`nearharmonic.core.layout`.
+# which are extrapolated to the next step where ``ready`` is 1. Coefficients and conditions of symplecticity are in
+# :mod:`nearharmonic.core.layout`.
 #
 # For f = -w^2 q - n(q) with declared frequencies w, the oscillator can be part of the equations, so that only n is
 # iterated. With A the matrix of the method, G = (I + (h w A)^2)^-1 and B = G A A, the stages are Q = G (q + h c v) -
@@ -175,8 +175,8 @@ _PAIR, _PAIRS = (POINT, POINT), (STAGES, STAGES)
 def _by_accelerations(form: Form) -> tuple[Any, Any, Any]:
     """The three functions of a step for T of degree 2, where positions follow from forces alone.
 
-    ``begun(q, p, row, parameters)`` returns what the iterations of a step share, ``forces_behind`` is that of
-    :func:`iteration`, and ``ended(state, f, step, parameters)`` the state (q, q_low, p, p_low) at the end.
+    ``begun(q, p, row, parameters)`` returns the numbers that the iterations of a step share, ``forces_behind`` is
+    used by :func:`iteration`, and ``ended(state, f, step, parameters)`` returns the last (q, q_low, p, p_low).
     """
     velocity, acceleration = linked("velocity", POINT), linked("stage_acceleration", STAGES)
     force, add = linked("stage_force", STAGES), compensated if form.compensated else plain

@@ -186,7 +186,7 @@ def _write_coefficient(module: ir.Module, rules: Rules, kinds: Kinds, column: in
 def maps_module(rules: Rules, maps: Any) -> ir.Module:
     """Return a module with the functions that :func:`nearharmonic.core.loops.land` calls.
 
-    ``rules`` are those of the regularised system, of D coordinates. ``maps`` has the formulas ``from_physical(q, p,
+    ``rules`` belong to the regularised system, of D coordinates. ``maps`` has the formulas ``from_physical(q, p,
     *parameters)``, ``to_physical(x, y)``, ``inverse_axis(x, *parameters)`` and ``largest_radius(x, y, *parameters)``,
     and the ``dimension`` d of physical space.
     """

@@ -10,7 +10,7 @@ from nearharmonic.core.number import FUNCTIONS, Constant, FormulaError, Number
 
 # --- Nodes of expressions, and their exact numbers.
 
-#: An exact number. Integers are of type ``int``, whose arithmetic is faster than that of ``Fraction``.
+#: An exact number. Integers are of type ``int``, whose arithmetic is faster.
 Exact = int | Fraction
 
 
@@ -83,7 +83,7 @@ def children(node: Node) -> Iterable[int]:
 # deep formula does not reach Python's recursion limit. Every value is a coefficient times a node. A node has no
 # constant factor, and the first coefficient of a sum is positive, so that a - b and b - a share a node.
 
-#: Largest number of nodes: that of three hundred bodies, which take half a minute and 650 megabytes to compile.
+#: Largest number of nodes: enough for three hundred bodies, which take half a minute and 650 megabytes to compile.
 MOST_NODES = 500_000
 #: Largest power of a coefficient that is computed.
 MOST_POWER = 64

@@ -2,7 +2,7 @@
 
 A thread has the bits of a lane. Additions, products, quotients, square roots and fused products are rounded correctly
 on a GPU, and LLVM's NVPTX target keeps them apart: it writes each with its rounding, which the assembler of the driver
-must not fuse. Functions are those of :mod:`nearharmonic.core.functions`, and none of a library of the GPU is called.
+must not fuse. Functions come from :mod:`nearharmonic.core.functions`; no library of the GPU is called.
 """
 
 from __future__ import annotations

@@ -34,7 +34,7 @@ SQUARE = 2
 OPENING, MERGED, INNER = range(3)
 
 #: Last rows of the running state of a collocation method, COUNTERS in number: 1 if the rows before them hold the forces
-#: of a step, iterations made, and a number other than 0 if those of a step failed.
+#: of a step, iterations made, and a number other than 0 if the iterations of a step failed.
 READY, ITERATIONS, FAILED = range(3)
 COUNTERS = 3
 
@@ -167,7 +167,7 @@ LAND = Signature(
         *_QUEUE,
         *_METHOD,
         *_RESULTS,
-        floats("ends", "total_runs", "running_rows"),  # steps of the run, without and with those of the landings
+        floats("ends", "total_runs", "running_rows"),  # steps of the run, without and with the landings
         integers("left_at", "total_runs"),
         # The states and the coefficients of a run and of a trial step.
         floats("rows", "numbers"),
@@ -255,8 +255,8 @@ def workspace(
 ) -> tuple[NDArray[Any], ...]:
     """The flat arrays of ``run``: two row blocks, coefficients, and for each lane its run, step and sample.
 
-    Each row block ends with ``room`` doubles of working memory. ``moves`` is their number in a step, ``stages`` that of
-    a collocation method.
+    Each row block ends with ``room`` doubles of working memory. ``moves``: moves in a step. ``stages``: stages of a
+    collocation method.
     """
     rows = (running_at(dimension, parameters) + running_rows(dimension, stages)) * width + room
     coefficients = (moves + 2) * columns * width

@@ -471,7 +471,7 @@ PIECES = 6
 #: A number of steps that no call makes.
 MANY = 2.0**52
 
-#: Number of coordinates of the regularised system, the first row of its running state, and that of its counters.
+#: Number of coordinates of the regularised system, and the first rows of its running state and of its counters.
 _dimension, _running, _counters = map(linked_number, ("dimension", "running", "counters"))
 #: ``_departed(start, first, rows, to)`` computes the state x, y of a physical start, the scale of its steps as a pair,
 #: and the largest |dt/ds| times a step of scale 1. ``_physical(state, to, first)``: the physical state.
@@ -498,7 +498,7 @@ def _radius(rows):
 
 
 def _coefficients(*, extended: bool) -> Any:
-    """``coefficients(lanes, moves, first, rows, scale)``: those of a step ``scale`` times as long."""
+    """Return ``coefficients(lanes, moves, first, rows, scale)`` for a step ``scale`` times as long."""
 
     def coefficients(lanes, moves, first, rows, scale):
         square = dd_mul(scale, scale)

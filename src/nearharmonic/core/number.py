@@ -118,7 +118,7 @@ def _exact(operation: Callable[[Fraction, Fraction], Fraction]) -> Any:
 class Constant(Fraction):
     """An exact constant of a formula, such as a parameter of a system.
 
-    A ``Fraction`` would become a float in an operation with a float, and lose the digits below those of a double.
+    A ``Fraction`` would become a float in an operation with a float, and lose the digits beyond double precision.
     """
 
     __slots__ = ()
@@ -236,8 +236,7 @@ class Number:
     """
 
     __slots__ = ()
-    #: Above the priority of numpy's scalars, so that ``np.float64(0.1) * x`` calls this class, and below that of its
-    #: arrays.
+    #: Between the priorities of numpy's scalars and arrays, so that ``np.float64(0.1) * x`` calls this class.
     __array_priority__ = -1.0
 
     _add: Callable[..., Any]

@@ -212,7 +212,7 @@ class _Writer:
         return self.write("constant", Constant(value))
 
     def _fusible(self, place: int) -> int:
-        """Cycle in which an addend is ready to be added; of a product, that of its operands, as it is fused."""
+        """Cycle in which an addend is ready; a product is ready with its operands, as it is fused."""
         operation = self.operations[place]
         return max(self.ready[x] for x in operation[1:]) if operation[0] == "multiply" else self.ready[place]
 

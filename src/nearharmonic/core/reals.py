@@ -640,7 +640,7 @@ class Writer(ast.NodeVisitor):
         self._assign(node.target, Number("I", i))
         self._repeat(node.body, body, again, behind)
         if isinstance(node.target, ast.Name) and node.target.id not in self.assigned:
-            del self.names[node.target.id]  # it is one step further than that of Python
+            del self.names[node.target.id]  # it is one step further than Python's variable
 
 
 def written(function: Callable[..., Any], signature: Signature, kinds_of_values: Kinds) -> ir.Module:

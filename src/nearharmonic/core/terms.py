@@ -76,7 +76,7 @@ class LongSums:
         self._terms: dict[int, tuple[Exact, dict[int, Exact]]] = {}
         self._orders: dict[int, list[int]] = {}
         self._find(reachable)
-        #: Number of levels below that of the root.
+        #: Number of levels below the root.
         self.levels = max((level for level, _ in self.place.values()), default=0)
 
     def _find(self, reachable: Sequence[int]) -> None:

@@ -42,8 +42,7 @@ STRETCH = 2_000_000
 
 
 def execute(call: Callable[[], Any], state: NDArray[np.int64], steps: int, cost: int) -> None:
-    """Make the call of a kernel with the control array ``state``; ``steps`` are those of all its runs, ``cost`` that of
-    one.
+    """Make the call of a kernel with the control array ``state``; its runs have ``steps`` in all, each at ``cost``.
 
     Ctrl-C stops it within a stretch: KeyboardInterrupt is raised when the kernel has stopped, and its results must not
     be used. A call of more than two seconds shows its progress. A call inside of :class:`Blocks` is stopped and shown
@@ -64,8 +63,8 @@ _OWN = threading.local()
 class Blocks:
     """Blocks of runs that threads take from a queue.
 
-    ``compute`` computes the block of an index below ``count``, and calls kernels by :func:`execute`. ``steps`` are
-    those of all runs of all blocks together, and ``cost`` is that of a step.
+    ``compute`` computes the block of an index below ``count``, and calls kernels by :func:`execute`. ``steps``:
+    number of steps of all runs of all blocks together. ``cost``: cost of a step.
     """
 
     def __init__(self, compute: Callable[[int], None], count: int, *, steps: int, cost: int) -> None:
@@ -277,7 +276,7 @@ def trajectories_of(
 def evaluations_of(tableau: Tableau, steps: Integers, running: Floats) -> tuple[Integers, Bools]:
     """Return the force evaluations (R,) of runs, and where an implicit step was not solved.
 
-    ``steps`` (R,) were made; those of implicit methods have their iterations among the counters that end ``running``.
+    ``steps`` (R,) were made; implicit methods have their iterations among the counters that end ``running``.
     """
     if not tableau.implicit:
         return tableau.evaluations(steps), np.zeros(len(steps), bool)
@@ -318,7 +317,7 @@ class Batch:
     D): initial states of the D coordinates of the kernel. ``parameters`` (R or 1, 2 P). ``results``: states, blocks,
     energies and running states in one piece, which :attr:`filled` splits. ``left_at`` (R,): step at which a run left
     its energy surface, or 0. ``control`` (2,): control array of ``call``, which fills ``results`` and ``left_at``.
-    ``cost``: that of a step.
+    ``cost``: cost of a step.
     """
 
     numerics: Numerics
@@ -380,7 +379,7 @@ def landing_call(
 ) -> Callable[[], None]:
     """Return a call of the runs of a regularised system: with the perturbation, or without it if its strength is 0.
 
-    ``parameters`` (R or 1, 2 P) may change from call to call. ``arguments`` are those of the function that
+    ``parameters`` (R or 1, 2 P) may change from call to call. ``arguments`` go to the function that
     :func:`nearharmonic.core.kernel.build_landing` returns.
     """
     strength = None if system.regularisation is None else system.regularisation.strength
@@ -439,8 +438,8 @@ def prepared_batch(
     ``step`` is a method, or a single composition of one. Errors are relative to the energy ``scale``; 0 means |H0|, or
     the unit of energy where H0 = 0. ``reference`` is a pair H0 for all runs in place of the energy of each start.
     ``resumed`` (R, 5 D) are the running states of runs that go on from ``start`` with the same moves.
-    ``own_frequencies`` is False if ``moves`` solve oscillators of other frequencies than the system's, those of each
-    run's parameters.
+    ``own_frequencies`` is False if ``moves`` solve oscillators with the frequencies of each run's parameters, not with
+    the system's.
     """
     if isinstance(step, Tableau) and step.processed:
         return _prepared_processed(
@@ -532,7 +531,7 @@ def _prepared_processed(
         found.states[:] = at_samples.states[:, 1].reshape(found.states.shape)
         found.states[:, 0] = batch.start
         found.running[:] = kernel.filled.running
-        # The energy is that of the processed states, and is measured at the samples.
+        # Energies of processed states are measured at the samples.
         found.energy[:] = at_start.energy if isnan(reference[0]) else reference
         high, low = (at_samples.energy[:, k].reshape(marks.shape) - found.energy[:, k, None] for k in (0, 1))
         found.energy_error[:] = (high + low) + at_samples.energy_error[:, 1].reshape(marks.shape)

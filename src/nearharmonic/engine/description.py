@@ -85,8 +85,8 @@ def trajectory_variables(
 ) -> Variables:
     """Return states at the samples, their energy errors, and the system's observables.
 
-    ``constants`` are the parameters of the system, floats or arrays (R, 1), and ``times`` (S,) or (R, S) those of the
-    samples, where they are not those of whole steps.
+    ``constants`` are the parameters of the system, floats or arrays (R, 1), and ``times`` (S,) or (R, S) the times of
+    samples that are not at whole steps.
     """
     system, d = problem.system, problem.system.dimension
     units = system.units
@@ -211,7 +211,7 @@ def problem_attributes(problem: Setup) -> dict[str, Any]:
     if problem.tableau.modified:
         notes["gradients_per_step"] = str(problem.tableau.gradients)
     if problem.tableau.processed:
-        notes["processed"] = "states and energies are processed at the samples; evaluations are those of the kernel"
+        notes["processed"] = "states and energies are processed at the samples; evaluations count the kernel alone"
     if problem.numerics.energy != "every":
         notes["energy"] = problem.numerics.energy
     if problem.numerics.exact_oscillator:
@@ -262,7 +262,7 @@ def sampled(problem: Setup, steps: Sequence[int], samples: int) -> Variables:
     path = trajectory_variables(problem, paths, problem.system.constants(float))
     length = np.where(paths.marks >= 0, np.diff(paths.marks, axis=1, prepend=0), 0)
     scale, unit = energy_scale(paths, problem)
-    # The order of variables is that of the files.
+    # Variables are in the order of the files.
     leading = {name: path.pop(name) for name in ("t", "q", "p", "energy_error")}
     blocks = over_runs({
         "block_steps": (length, f"steps {SINCE}", "1"),
@@ -308,8 +308,8 @@ def drift_variables(
 
     Values are over (tau_per_stage, sample), with a dimension more, ``<name>_component``, for a vector. A drift is the
     maximum over the samples of |I - I0| / |I0|, Euclidean for a vector, or of |I - I0| where I0 = 0; infinite where the
-    run ``diverged`` (R,). The ``long_name`` says which. I0 is that of the first sample, unless there is a ``start``, a
-    pair of arrays (R, d).
+    run ``diverged`` (R,). The ``long_name`` says which. I0 is the value at the first sample, or at ``start``, a pair
+    of arrays (R, d).
     """
     found: Variables = {}
     q0, p0 = (q[:, 0], p[:, 0]) if start is None else start
@@ -423,7 +423,7 @@ def checked_times(t: object, problem: Setup) -> list[Fraction]:
 def run_at(problem: Setup, steps: Sequence[int], times: Sequence[Fraction], **given: Any) -> Trajectories:
     """Integrate R runs and return their states at K times; blocks between samples are not measured.
 
-    ``times`` are those of :func:`checked_times`; what is ``given`` further, with ``parameters``, is as for
+    ``times`` come from :func:`checked_times`; ``parameters`` and further arguments ``given`` are as for
     :func:`nearharmonic.engine.batch.integrate_batch`.
     """
     count = np.asarray(steps, np.int64)
@@ -464,9 +464,9 @@ def _step_on(
     problem: Setup, paths: Trajectories, columns: dict[str, Floats], shorter: Integers, lengths: Sequence[Fraction],
     parameters: Floats,
 ) -> None:  # fmt: skip
-    """Replace states of the step before by those one shorter step later.
+    """Replace each state of the step before by the state one shorter step later.
 
-    ``shorter`` (R, K) says which of ``lengths`` that step has, -1 where a state is that of a step itself.
+    ``shorter`` (R, K) is the index of this step's length in ``lengths``, -1 where a state is at the end of a step.
     """
     members, samples = np.nonzero(shorter >= 0)
     first = [columns[name][members, samples] for name in ("q", "q_low", "p", "p_low")]

@@ -199,8 +199,8 @@ def _sampled(problem: Setup, steps: int, begin: Start, samples: int, threads: in
 
 #: Signs of the surface function before a crossing.
 DIRECTIONS = {"up": (-1,), "down": (1,), "both": (-1, 1)}
-#: Trajectories whose periods are looked at, over so many steps, in so many short ones, and the largest momentum over
-#: that of the other coordinates that is rounding noise.
+#: Trajectories whose periods are looked at, over so many steps, in so many short ones, and the largest ratio of a
+#: momentum to the momenta of the other coordinates that is rounding noise.
 WATCHED, WINDOW, FINE, NOISE = 64, 8, 128, 1e-10
 #: Bytes of states at a time, and of the numbers of one state per coordinate.
 MOST_BYTES, PER_COORDINATE = 200_000_000, 8 * 8

@@ -242,8 +242,8 @@ def gradient(
         Over member, if there are several:
 
         - ``value``: the observable at the end.
-        - ``q0`` and ``p0`` over component, ``parameters`` over parameter: its derivatives, in its unit over that of the
-          argument. Those of a diverged run are NaN.
+        - ``q0`` and ``p0`` over component, ``parameters`` over parameter: its derivatives, in its unit over the unit
+          of the argument; NaN for a diverged run.
         - ``kick`` and ``drift``, if asked for: its derivatives with respect to each coefficient of a step, taken as
           independent of all others.
         - ``round_trip_error``: largest component of the difference between the start and the end of the run backwards.

@@ -72,8 +72,8 @@ STANDARD = Numerics()
 def kernel_of(system: System, numerics: Numerics = STANDARD, *, modified: bool = False, stages: int = 0) -> Kernel:
     """Return the compiled kernel for ``system``, from the cache on disk if it is there.
 
-    The code depends on the settings that :attr:`Numerics.compiled` keeps; the default number of lanes is that of one
-    register. ``modified`` is True if kicks are of a modified potential, and ``stages`` are those of a collocation
+    The code depends on the settings that :attr:`Numerics.compiled` keeps; the default lanes fill one register.
+    ``modified`` is True if kicks are of a modified potential. ``stages`` is the number of stages of a collocation
     method, 0 for a splitting method. A formula that fails or uses what formulas cannot, and a gradient that contradicts
     its potential, raise SystemDefinitionError; extended precision or several lanes for a V of numba SettingError.
     """
@@ -147,7 +147,7 @@ def physics_of(system: System, numerics: Numerics = STANDARD, *, modified: bool 
 
 #: Registers of AVX-512, of which a state may fill half; the other half is for the force.
 REGISTERS = 32
-#: Time of a step with one, two and four registers of lanes, over that of a step of a single run. One run and one
+#: Time of a step with one, two and four registers of lanes, over the time of a step of a single run. One run and one
 #: register are bound by the same chain of operations; from two registers on the processor's throughput begins to count.
 #: Measured on planar systems: ``python benchmarks/kernels.py``.
 TIMES = {1: 1.0, WIDTH: 1.2, 2 * WIDTH: 2.0, 4 * WIDTH: 3.6}

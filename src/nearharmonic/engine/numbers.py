@@ -49,7 +49,7 @@ def rotations(
 ) -> Floats:
     """Return the moves (s + 2, columns) of one step size, each a kick and a rotation behind it.
 
-    Rows are those of :meth:`nearharmonic.integrators.tableau.Composition.moves`, and columns those of
+    Rows are as in :meth:`nearharmonic.integrators.tableau.Composition.moves`, and columns as in
     :mod:`nearharmonic.core.step`, for distinct frequencies and numbers of one or two ``parts``. Drifts that meet
     between steps turn by the sum of their angles. If ``rounded``, kicks and drifts times tau are rounded to doubles
     before anything follows from them.
@@ -71,8 +71,8 @@ def rotations(
 def rounded_rotations(kicks: Floats, drifts: Floats, frequencies: Floats) -> Floats:
     """Return moves (..., s + 2, columns) in doubles, for kicks and drifts (..., s + 2) times the step size.
 
-    They are those of :func:`rotations` up to the rounding errors of each number, at once for many methods and step
-    sizes; ``frequencies`` (..., F) may differ too, and are not 0.
+    They equal the moves of :func:`rotations` up to the rounding errors of each number, for many methods and step
+    sizes at once; ``frequencies`` (..., F) may differ too, and are not 0.
     """
     w, kick = frequencies[..., None, :], kicks[..., None]
     half = w * drifts[..., None] / 2
@@ -322,9 +322,9 @@ def parameter_row(values: Sequence[Fraction]) -> Floats:
 def moves(step: Composition, taus: Sequence[Fraction], parts: int, *, rounded: bool = False) -> Floats:
     """Return the coefficients (len(taus), s + 2, columns) of a kernel's moves, multiplied by powers of tau exactly.
 
-    Rows are those of :meth:`nearharmonic.integrators.tableau.Composition.moves`. Columns: kick, drift and the
+    Rows are as in :meth:`nearharmonic.integrators.tableau.Composition.moves`. Columns: kick, drift and the
     product of the two, each rounded once, and by how much the product of the rounded two exceeds it; with two
-    ``parts``, the doubles of a double-double, kick and drift as pairs. Those of kicks of a modified potential are
+    ``parts``, the doubles of a double-double, kick and drift as pairs. Columns for a modified potential are
     :data:`nearharmonic.core.layout.SQUARE`. If ``rounded``, coefficients times powers of tau are rounded to doubles
     before any are added; kicks of V alone have no other numbers with one part.
     """
@@ -335,7 +335,7 @@ def moves(step: Composition, taus: Sequence[Fraction], parts: int, *, rounded: b
 def pieces(tableau: Tableau, taus: Sequence[Fraction]) -> Floats:
     """Return the factors of moves, for step sizes that are multiples of tau: (len(taus), s + 3, 6).
 
-    A row has pairs of kick, drift and their product. The rows are those of :func:`moves`, and behind them one that
+    A row has pairs of kick, drift and their product. The rows are as in :func:`moves`, and behind them one that
     begins with tau as a pair.
     """
     found = np.zeros((len(taus), tableau.moves_per_step + 3, 6))

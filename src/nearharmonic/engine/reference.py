@@ -27,7 +27,7 @@ FIRST_STEPS, MOST_STEPS = 2_000, 512_000
 AGREEMENT = {"extended": 1e-17, "double": 1e-14}
 #: One that never settles to this is no reference: the orbit is chaotic.
 USABLE = {"extended": 1e-13, "double": 1e-10}
-#: Relative difference beyond which a closed form is not that of the system: formulas may hold literals of 16 digits.
+#: Relative difference beyond which a closed form contradicts the system: formulas may hold literals of 16 digits.
 CONTRADICTION = 1e-12
 
 

@@ -116,7 +116,7 @@ def one_of(key: str, value: object, allowed: Sequence[str]) -> str:
 class SharedSettings:
     """Settings that a config hands on to the kernels unchanged; all carriers between the two inherit them.
 
-    ``summation`` is that of the steps in double precision; double-double sums are compensated always. ``split`` says
+    ``summation`` is for steps in double precision; double-double sums are always compensated. ``split`` says
     what the two operators of a method solve: the drift T and the kick V; or the drift T with the oscillators of the
     frequencies that the system declares, and the kick the rest of V.
     """

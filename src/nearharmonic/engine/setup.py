@@ -172,7 +172,7 @@ class Setup:
         )
         self.t_end = settings.checked_t_end(self.system.t_end if t_end is None else t_end)
         self.end = settings.exact_decimal(self.t_end)
-        if self.tableau.processed and energy == "every":  # the states between samples are not those of the method
+        if self.tableau.processed and energy == "every":  # states between samples are not processed
             energy = "samples"
         self.numerics = settings.Numerics(precision=precision, summation=summation, energy=energy, split=split)
         check_precision(self.system, [precision])
@@ -323,8 +323,8 @@ class Start:
 
     ``state`` (1 or M, 4 d): position and momentum with the digits below them. ``parameters`` (1 or M, 2 P), as pairs.
     ``given``: parameters in place of the system's own by name, as the caller gave them. ``t``: time at which the run
-    begins. ``reference``: H0 that errors are relative to, a pair of numbers or of arrays (M,), NaN for that of the
-    state. ``running`` (1, 5 d): the state of the last force of an earlier result, from which steps with the same
+    begins. ``reference``: H0 that errors are relative to, a pair of numbers or of arrays (M,), NaN for the energy of
+    the state. ``running`` (1, 5 d): the state of the last force of an earlier result, from which steps with the same
     ``moves``, their digest, go on.
     """
 

@@ -58,7 +58,7 @@ if TYPE_CHECKING:
 def tangent_system(system: System) -> System:
     """Return the system K of a ``system`` of d coordinates.
 
-    It has 2 d coordinates and the same parameters. If V depends on time, K is that of the extended system with the
+    It has 2 d coordinates and the same parameters. If V depends on time, K belongs to the extended system with the
     coordinates (q, t). Its initial deviation has length 1, along the first coordinate.
     """
     formulas, (q0, p0) = system.formulas(), system.extended_start(str)
@@ -156,8 +156,8 @@ class Frame:
     """Frame of k ``deviations`` (k, n), scaled to length 1, from each of M = ``members`` orbits in n = 2 d dimensions.
 
     ``basis`` (n, k, M) is orthonormal; its first vector is parallel to the first deviation. ``growth`` (k, M) are the
-    logarithms of the factors by which each deviation has grown, and ``stretching`` (k, M) of the factors of the
-    volumes: the sum of the first j is that of the volume of j deviations.
+    logarithms of the factors by which each deviation has grown. The first j numbers of ``stretching`` (k, M) have as
+    their sum the logarithm of the factor by which the volume of j deviations has grown.
     """
 
     def __init__(self, deviations: Floats, members: int) -> None:
@@ -276,7 +276,7 @@ class Evolution:
     (M, f + 3) is ``running`` of the evolution that goes on.
 
     :meth:`follow` fills ``states`` (M, S, 4, D) of the integrated coordinates, as a kernel lays them out; ``growth``
-    and ``stretching`` (M, S, k), logarithms as those of :class:`Frame`; ``sali`` (M, S) and ``gali`` (M, S, k - 1), if
+    and ``stretching`` (M, S, k), logarithms as in :class:`Frame`; ``sali`` (M, S) and ``gali`` (M, S, k - 1), if
     k > 1; ``megno`` (M, S); ``blocks`` (M, 10), growth of the first deviation in each block; ``deviations`` (M, k, n)
     at the end; ``left_at`` (M,), the step at which a state or deviation was not finite, or 0; ``unsolved`` (M,), True
     where the equations of an implicit step could not be solved there; ``evaluations`` (M,) of the gradient by all

@@ -169,7 +169,7 @@ class Problem(Setup):
     """Runs of one method on one system, prepared for calls that take microseconds.
 
     A call ``run(tau, q0=None, p0=None, parameters=None)`` integrates one trajectory, from several threads at once if
-    wanted. The three arguments are those of :func:`nearharmonic.integrate`. The result has the arrays ``t`` (S,), ``q``
+    wanted. The three arguments are as for :func:`nearharmonic.integrate`. The result has the arrays ``t`` (S,), ``q``
     and ``p`` (S, d) of its S samples, ``energy_error`` (S,), and the numbers ``max_energy_error``,
     ``mean_energy_error``, ``tau``, ``tau_requested``, ``steps``, ``evaluations``, ``status`` and ``diverged_at``; its
     method ``to_dataset()`` returns the Dataset of :func:`nearharmonic.integrate`.

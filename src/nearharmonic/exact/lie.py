@@ -22,7 +22,7 @@ from nearharmonic.exact.words import LETTERS
 
 @cache
 def logarithm_weights(word: str) -> Mapping[str, Fraction]:
-    """Return weights of words whose weighted sum of coefficients of a step is that of its logarithm on ``word``.
+    """Return weights of words: the weighted sum of a step's coefficients is its logarithm's coefficient on ``word``.
 
     The words are rearrangements of ``word``.
     """

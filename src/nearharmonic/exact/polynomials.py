@@ -595,7 +595,7 @@ def _shortest_step(
         return None
 
 
-#: Number of guard digits, beyond those of the radius.
+#: Number of guard digits, beyond the digits of the radius.
 KRAWCZYK_GUARD = 40
 
 

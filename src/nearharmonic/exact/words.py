@@ -1,4 +1,4 @@
-"""Steps of splitting methods in any arithmetic, and their coefficients and those of their logarithms on words.
+"""Steps of splitting methods in any arithmetic, and coefficients of steps and of their logarithms on words.
 
 A step of size tau is a tuple of pairs (letter, number c). A is a drift, q += c tau dT/dp, B a kick, p -= c tau dV/dq,
 and C = [B, [A, B]], for quadratic T, a kick p += c tau^3 grad |grad V|^2 by the square of the force. Numbers may be

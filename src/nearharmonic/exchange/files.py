@@ -414,8 +414,8 @@ def export(tableau: Tableau, to: str, digits: int | None = None) -> str:
     to : str
         One of :data:`nearharmonic.exchange.TARGETS`.
     digits : int, optional
-        Significant digits of the coefficients. By default data have the digits of the tableau, and programs those of
-        the nearest doubles.
+        Significant digits of the coefficients. By default data have the digits of the tableau, and programs the
+        digits of the nearest doubles.
     """
     if digits is not None:
         coefficients = method.rounded(tableau, digits)

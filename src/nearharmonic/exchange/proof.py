@@ -115,7 +115,7 @@ def _difference(
 #
 #     |r(c) - r(true c)|  <=  sum_i |g_i| u_i  +  sum_rows max |g_i| sum u_i  +  2 U^2 d^2/dM^2 [f_n M^n]  at M + 2 U,
 #
-# with M the sum of all |c_i| and U that of all u_i. This is Taylor's formula. The second derivative is bounded by
+# with M the sum of all |c_i| and U the sum of all u_i. This is Taylor's formula. The second derivative is bounded by
 # replacing every term of log(product of exponentials) by its absolute value; f_n = [x^n] (-log(2 - e^x)). The true
 # coefficients fulfil a condition only if |r(c)| is within this bound. A larger residual therefore proves that no
 # coefficients that round to the given ones fulfil the condition. A residual within the bound is zero to the given

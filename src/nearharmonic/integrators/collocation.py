@@ -34,7 +34,7 @@ class Collocation(OneStepMethod):
     """A Gauss collocation method of s = ``stages`` stages, for any separable H; its order is 2 s.
 
     A step solves its equations by iteration on the forces at the stages, until they change by no more than their
-    rounding. All stages are computed at once, in SIMD lanes. Texts and aliases are those of a
+    rounding. All stages are computed at once, in SIMD lanes. Texts and aliases are as in a
     :class:`~nearharmonic.Tableau`.
     """
 

@@ -3,7 +3,7 @@
 Nonlinearity 5, 541, doi:10.1088/0951-7715/5/2/011. Asymmetric methods with as many kicks as drifts, so that the last
 kick of a step is 0. The methods of two and three stages follow from the order conditions, to 80 digits. The methods of
 four and six stages have order four and five for a quadratic kinetic energy, and order three otherwise. Their digits are
-those of OrdinaryDiffEq.jl (McAte4, McAte5), where a are the drifts and b the kicks.
+from OrdinaryDiffEq.jl (McAte4, McAte5), where a are the drifts and b the kicks.
 """
 
 from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY, Tableau

@@ -3,7 +3,7 @@
 The search ``nearharmonic_studies.sixth_order`` finds these methods. Its criterion ranks them first among the
 methods with their number of stages (7 to 11) and composition. Free parameters are those at the minimum of the
 criterion, rounded to four decimals. The choice used no integration of a problem. For a separable H whose kinetic energy
-is not quadratic their order is four. Labels are like those of the paper, with the order before the harmonic order. The
+is not quadratic their order is four. Labels are as in the paper, with the order before the harmonic order. The
 published 6A8 also has eight stages and order six (:mod:`nearharmonic.integrators.zymplectic`), and it is as good as
 ``babs8o6_7h``.
 """

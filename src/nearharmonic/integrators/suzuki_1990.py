@@ -1,7 +1,7 @@
 """Suzuki (1990), Fractal decomposition of exponential operators, Phys. Lett. A 146, 319.
 
 doi:10.1016/0375-9601(90)90962-N. The closed form of the weights rounded to 80 digits. The name s5odr4 (five stages,
-order 4) is that of Kahan & Li (1997), Math. Comp. 66, 1089, doi:10.1090/S0025-5718-97-00873-9; their own s5odr4a and
+order 4) is from Kahan & Li (1997), Math. Comp. 66, 1089, doi:10.1090/S0025-5718-97-00873-9; their own s5odr4a and
 s5odr4b are other methods.
 """
 

@@ -92,8 +92,8 @@ class OneStepMethod:
     def steps(self, tau_per_stage: Fraction | float, t_end: Fraction | str | float, cost: float | None = None) -> int:
         """Return the steps in an interval, at least one, for a step size over the ``cost`` of a step, or its stages.
 
-        It is max(1, round(t_end / tau)) with tau = ``tau_per_stage`` times the cost. The product is that of doubles if
-        both factors are doubles. The division is exact unless ``t_end`` is a double; a decimal string is exact.
+        It is max(1, round(t_end / tau)) with tau = ``tau_per_stage`` times the cost. The product is rounded to a double
+        if both factors are doubles. The division is exact unless ``t_end`` is a double; a decimal string is exact.
         """
         tau = tau_per_stage * (self.stages if cost is None else cost)
         return max(1, round(Fraction(t_end) / Fraction(tau) if isinstance(t_end, str | Fraction) else t_end / tau))

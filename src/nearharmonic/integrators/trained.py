@@ -2,7 +2,7 @@
 
 Coefficients of symmetric compositions that make the energy error of an ensemble of problems small over a window of step
 sizes, and meet their order conditions exactly: the experiment ``trained`` has the search, and docs/results/trained.md
-compares their errors with those of other methods. Each note has the window in tau/s, in radians of the fastest
+compares their errors with other methods. Each note has the window in tau/s, in radians of the fastest
 oscillation, the ensemble, the limit of linear stability, the seed, and the digest of the run that found the method.
 """
 
@@ -10,7 +10,7 @@ from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY, Tableau, 
 
 SOURCE = (
     "trained by nearharmonic (experiments.trained, docs/results/trained.md); searches began with published methods, "
-    "those of Blanes & Moan (2002), J. Comput. Appl. Math. 142, 313, doi:10.1016/S0377-0427(01)00492-7, among them"
+    "among them Blanes & Moan (2002), J. Comput. Appl. Math. 142, 313, doi:10.1016/S0377-0427(01)00492-7"
 )
 
 TABLEAUS = (

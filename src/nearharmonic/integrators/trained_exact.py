@@ -3,7 +3,7 @@
 With H = A + epsilon B, A the oscillators and B the rest, they have the declared generalised order: errors are
 O(epsilon tau^r1 + epsilon^2 tau^r2). The rest of their freedom makes the energy error of an ensemble of such problems
 small over a window of step sizes: the experiment ``trained`` has the search, and docs/results/trained.md compares their
-errors with those of other methods. Use: ``nh.integrate(..., split="exact_oscillator")``. Each note has the window in
+errors with other methods. Use: ``nh.integrate(..., split="exact_oscillator")``. Each note has the window in
 tau/s, in radians of the fastest oscillation, the ensemble, the limit of linear stability with T and V, the seed, and
 the digest of the run that found the method.
 """

@@ -3,7 +3,7 @@
 They have order six or eight for quadratic T and every V of degree three or four, as their notes say, and order four for
 any H. Brackets with higher derivatives of V vanish, and their conditions are left out
 (:mod:`nearharmonic.exact.lie`). Such potentials: Escorihuela-Tomas (2026), arXiv:2605.06975. The experiment
-``trained`` has the search, and docs/results/trained.md compares the errors of the methods with those of others.
+``trained`` has the search, and docs/results/trained.md compares their errors with other methods.
 """
 
 from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY, Tableau, palindrome

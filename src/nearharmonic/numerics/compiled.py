@@ -20,7 +20,7 @@ from nearharmonic.numerics.portable import Floats
 #: Decorator of loops that are compiled with their callers.
 compiled = jit_compiled
 
-# --- Levenberg-Marquardt iteration, for a number of equations not above that of the unknowns.
+# --- Levenberg-Marquardt iteration, for at most as many equations as unknowns.
 #
 # An iteration from x subtracts the shortest step that solves the damped equations. With residuals F and their
 # Jacobian J the step is J^T (J J^T + damping D)^-1 F, where D is the identity (Levenberg) or the diagonal of J J^T
@@ -232,7 +232,7 @@ class RandomStarts:
         return generator.uniform(-self.box, self.box, (most or self.count, unknowns))
 
 
-# --- Random numbers, exponential and logarithm for loops of experiments: unlike those of libm, their bits are equal on
+# --- Random numbers, exponential and logarithm for loops of experiments: unlike in libm, their bits are equal on
 # every processor. :mod:`nearharmonic.math` has the same functions for kernels, which numba cannot vectorise.
 
 #: ln 2 in two parts; a multiple below 2^20 of the first is exact. With the second number a sum is rounded to a whole

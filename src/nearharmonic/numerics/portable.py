@@ -59,7 +59,7 @@ def _decimal(x: float) -> Decimal:
 # --- Numerical functions for result files, whose results are bitwise identical on every processor.
 #
 # numpy, BLAS, LAPACK and the C library select their code by the processor, so the rounding of their logarithms, sines,
-# powers and matrix products differs between processors. Here elementary functions are those of
+# powers and matrix products differs between processors. Here elementary functions come from
 # :mod:`nearharmonic.math`, sums are exact and rounded once, and all other operations are ``+ - * /`` and ``sqrt`` in a
 # fixed order.
 

@@ -17,9 +17,9 @@ from typing import Any
 LONGEST = 2000
 #: Numbers with larger exponents are outside the range of doubles, and their conversion to fractions is slow.
 LARGEST_EXPONENT = 400
-#: Digits of a fraction that is not a finite decimal: three times those of double-double.
+#: Digits of a fraction that is not a finite decimal: three times as many as in double-double.
 DIGITS = 100
-#: Arithmetic that keeps all digits of a decimal: that of Python rounds to 28, in ``normalize`` too.
+#: Arithmetic that keeps all digits of a decimal: Python's default rounds to 28, in ``normalize`` too.
 ALL_DIGITS = Context(prec=LONGEST)
 
 _DECIMAL = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)(e[+-]?\d{1,9})?", re.ASCII | re.IGNORECASE)
@@ -30,7 +30,7 @@ def any_decimal_of(text: str) -> Decimal:
     """Return the value of a decimal of any exponent: to be compared only, since its fraction may fill the memory."""
     if len(text) > LONGEST or _DECIMAL.fullmatch(text.strip()) is None:
         raise ValueError
-    return Decimal(text.strip()) or Decimal(0)  # the fraction of 0e999999999 is as slow as that of 1e999999999
+    return Decimal(text.strip()) or Decimal(0)  # 0e999999999 becomes a fraction as slowly as 1e999999999
 
 
 def decimal_of(text: str) -> Decimal:

@@ -436,8 +436,8 @@ def read(path: str | os.PathLike[str], group: str | None = None, *, leave_out: C
     """Load the root of a file, or one of its groups, with the attributes of the file, but variables to leave out.
 
     It is the dataset of ``xarray.open_dataset(path, engine="h5netcdf", group=group)``, with words in place of the
-    integers of variables with ``flag_meanings``. Errors are those of :func:`checked`; one says that the group is not
-    there.
+    integers of variables with ``flag_meanings``. Errors are as for :func:`checked`, and one says that the group
+    is not there.
     """
     with checked(path) as file:
         if group is not None and group not in _groups_in(file):
@@ -448,7 +448,7 @@ def read(path: str | os.PathLike[str], group: str | None = None, *, leave_out: C
 def read_precisions(path: str | os.PathLike[str], *, leave_out: Collection[str] = ()) -> dict[str, xr.Dataset]:
     """Load the runs of a file by precision: double is in the root, another precision in the group of its name.
 
-    Errors are those of :func:`read`.
+    Errors are as for :func:`read`.
     """
     with checked(path) as file:
         groups, notes = {"double": file} | {name: file[name] for name in _groups_in(file)}, attributes_in(file)
@@ -505,7 +505,7 @@ def write(
     """Write ``variables`` to the root of a file, atomically, and each of ``groups`` to a group with its own dimensions.
 
     A text variable whose attributes list its possible words (``flag_meanings``) is stored as integers with
-    ``flag_values`` (CF conventions, section 3.5). ``attributes`` are those of the file besides its format, its
+    ``flag_values`` (CF conventions, section 3.5). ``attributes`` of the file are added to its format, its
     conventions, and its name in the folder of results. ``coordinates`` are the names of auxiliary coordinates (section
     5), in the root and in groups. A variable with the name of its dimension is always a coordinate, and a dimension
     without one gets the coordinate 0, 1, 2, .... A NearharmonicError says that a variable has no units or no long_name,

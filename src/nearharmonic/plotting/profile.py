@@ -90,7 +90,7 @@ def beyond(curves: Sequence[Line], variable: str) -> tuple[list[tuple[int, xr.Da
 
 
 def problem_of(results: xr.Dataset, unit: str = "1") -> str:
-    """Return system, interval and energy of runs, as far as attributes tell; ``unit`` is that of the time."""
+    """Return system, interval and energy of runs, as far as attributes tell; ``unit`` is the unit of time."""
     try:
         settings = json.loads(results.attrs["settings"])
         t_end = {**settings.get("settings", {}), **settings.get("sweep", {})}["t_end"]

@@ -214,7 +214,7 @@ def errors_of(
     interval.
 
     Each number of ``steps`` is run from each of ``starts`` (M, 4 D), by default the system's own. Errors of runs that
-    left are infinite, those of positions NaN if no exact position is known.
+    left are infinite, errors of positions NaN if no exact position is known.
     """
     numerics, samples = Numerics(summation=summation), least_samples(tableau)
     first = standard_start(problem.system, False)[None, :] if starts is None else starts
@@ -247,7 +247,7 @@ def prepared_call(
 
     The interval [0, ``t_end``] is covered in ``steps`` equal steps. In the mode ``lanes`` it is a call of
     :func:`nearharmonic.ensemble` on one thread, for :func:`members_of` trajectories. They all begin at the start of the
-    system, so that the error of one is that of all, and so that no member of another library's adaptive batch waits for
+    system, so that all have the same error, and so that no member of another library's adaptive batch waits for
     another. The call has run once.
     """
     tau = float(t_end) / steps
@@ -296,7 +296,7 @@ def quiet() -> Iterator[None]:
 def variables(solvers: Sequence[Solver], unit: str) -> Variables:
     """Return measurements as arrays over (solver, point), padded with NaN; times also over ``quartile``.
 
-    ``unit`` is the unit of time of the system, that of step sizes.
+    ``unit`` is the unit of time of the system and of step sizes.
     """
     shape = len(solvers), max([solver.settings for solver in solvers] + [1])
     # Not a dimension "method": xarray's sel() takes that word for itself.
@@ -494,7 +494,7 @@ def measured_errors(
     """Run the rungs that decide which is the fewest number of steps that meets ``bound``.
 
     The scouts come first, every ``SCOUT``-th rung from coarse to fine, and the finest. They end where all errors of one
-    call are down to ``floor``, that of rounding: finer steps would show rounding only. Then all rungs around
+    call are down to ``floor``, the error of rounding: finer steps would show rounding only. Then all rungs around
     :func:`fewest_for_good` and its finer neighbours are run, and numbers of steps between it and the last that misses
     the bound, until none is left out. ``run`` takes numbers of steps and returns the errors of their runs; ``rungs``
     are increasing. The result is the error by number of steps, of all runs made.

@@ -40,14 +40,14 @@ MEAN_ROUNDING = 1e-9
 #: Where all registered methods are asked, the coarse runs end at so many times the evaluations of the best method, and
 #: not before so many methods meet the bound: others would take longer.
 DROPPED, RANKED = 2, 10
-#: Finest steps of a search: so many times as many as those of the coarse run that meets the bound.
+#: Finest steps of a search: so many times the number of steps of the coarse run that meets the bound.
 REACH = 8
 #: Starts of an ensemble that the search runs, and starts at most whose errors are taken in the end.
 SEARCHED, MOST_STARTS = 8, 1024
-#: Perturbed starts, the length of the longer interval over that of the first, and the ratio of their errors to the
-#: bound at which a step is confirmed.
+#: Perturbed starts, the ratio of the longer interval to the first, and the ratio of their errors to the bound at which
+#: a step is confirmed.
 PERTURBED, LONGER, CONFIRMED = 3, 4, 2
-#: Errors of a run: that of the requested measure, and both of energies.
+#: Errors of a run: the error in the requested measure, and both errors of energies.
 ERRORS = ("error", engine.MEASURES["max"], engine.MEASURES["mean"])
 #: Ratio of numbers of steps that are tried one after the other until a step is confirmed.
 FINER = 1.1
@@ -58,10 +58,10 @@ class Choice:
     """One method at its recommended setting, or at its most accurate setting if none meets the bound.
 
     ``method`` is its name in the registry, or the path of the file that defines it. ``status`` is "met" if the run and
-    all finer runs meet the bound; "missed" if no run within the budget does, and the setting is that of the smallest
+    all finer runs meet the bound; "missed" if no run within the budget does, and the setting has the smallest
     error; or "not run", for the given ``reason``. ``tau`` is in the system's unit of time, NaN for adaptive methods,
     ``tolerance`` NaN for others. ``summation`` is "plain" where this does not increase the error, else "compensated",
-    empty for other libraries. ``error`` is that of the run in the requested measure, ``time`` its least wall time in s,
+    empty for other libraries. ``error`` is in the requested measure, ``time`` is the run's smallest wall time in s,
     NaN unless the bound is met. ``further_error`` is the largest error of the runs that confirm the choice, from
     perturbed starts or all members and over a longer interval, of energies if positions are asked for.
     """
@@ -97,7 +97,7 @@ class Search:
     :func:`nearharmonic.engine.numbers.start_array`. ``taken`` are those whose errors are taken, all or as many of a
     larger ensemble in even distances, and ``few`` those that are searched. ``arguments``: the system as the first
     argument of :func:`nearharmonic.integrate`, and the initial values, as Python code; empty for a system of a config.
-    ``methods`` by name, those of users' files by path. ``energy_attributes`` of ``max_energy_error`` and
+    ``methods`` by name, or by path if from users' files. ``energy_attributes`` of ``max_energy_error`` and
     ``mean_energy_error``: what they are relative to. ``floor``: energy error that is the rounding of a V in doubles, 0
     if V is measured more precisely. ``perturbation``: relative change of a perturbed start, too small for its energy to
     matter unless it grows.
@@ -397,7 +397,7 @@ KICK = Tableau(name="kick", order=1, first="kick", kick=("1", "0"), drift=("1",)
 (ACCURATE,) = (tableau for tableau in blanes_moan_2002.TABLEAUS if tableau.name == "blanes_moan_s6o4")
 #: Sizes of differences of gradients relative to the extent of an orbit, whose truncation and rounding are alike.
 DIFFERENCE = 2.0**-17
-#: Smallest extent of a coordinate in a difference, relative to that of all coordinates.
+#: Smallest extent of a coordinate in a difference, relative to the extent of all coordinates.
 LEAST_EXTENT = 2.0**-10
 #: Products with a Hessian at most, after which the largest eigenvalue is known within the error that is added to it.
 PRODUCTS = 24
@@ -410,7 +410,7 @@ POINTS, NUMBERS = 4096, 2**14
 class Orbits(NamedTuple):
     """Orbits of an accurate method with small steps.
 
-    ``extents`` (2, D) are the largest moduli of positions and momenta, or a small part of that of all coordinates.
+    ``extents`` (2, D) are the largest moduli of positions and momenta, or a small part of the largest of them all.
     ``frequency`` is the largest frequency at their points, 0 without oscillations or for a regularised system, whose
     steps are of another time.
     """

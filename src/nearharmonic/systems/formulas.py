@@ -454,7 +454,7 @@ class RegularisedFormulas:
     """The formulas and the maps of a regularised system, for numbers of any type.
 
     Positions are ``u``, 2 coordinates in the plane and 4 in space, followed by w. Momenta are ``v`` followed by -t/4.
-    ``gravity`` is the index of GM among the parameters, and ``dimension`` that of physical space, 2 or 3.
+    ``gravity`` is the index of GM among the parameters, and ``dimension`` the dimension of physical space, 2 or 3.
     """
 
     regularisation: Regularisation

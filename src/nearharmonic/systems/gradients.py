@@ -1,4 +1,4 @@
-"""Formulas that follow from those of a system: checks, declared oscillators, Python text, squared forces."""
+"""Formulas derived from the formulas of a system: checks, declared oscillators, Python text, squared forces."""
 
 from __future__ import annotations
 
@@ -318,7 +318,7 @@ def _text(value: SourceTracer | Constant) -> str:
 def velocity_text(system: System) -> str:
     """Return the text of ``velocity(q0, .., p0, ..)`` -> (dq0/dt, .., dp0/dt, ..).
 
-    Coordinates are those of ``system.formulas()``. For a regularised system they are (u, w), with derivatives by the
+    Coordinates are as in ``system.formulas()``. For a regularised system they are (u, w), with derivatives by the
     fictitious time. The text calls ``abs``, ``sqrt`` and the functions of :mod:`nearharmonic.math` by their names.
     """
     lines: list[str] = []
@@ -338,7 +338,7 @@ def velocity(system: System, functions: Mapping[str, Callable[..., Any]] | None 
     import numpy as np
 
     space: dict[str, Any] = {name: getattr(math, name) for name in ("sqrt", *FUNCTIONS) if name != "cbrt"}
-    space |= {"cbrt": np.cbrt, **(functions or {})}  # numba supports only that of numpy
+    space |= {"cbrt": np.cbrt, **(functions or {})}  # numba supports only numpy's cbrt
     exec(compile(velocity_text(system), f"<{system.name}>", "exec"), space)
     made: Callable[..., Any] = space["velocity"]
     return made

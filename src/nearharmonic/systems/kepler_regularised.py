@@ -1,6 +1,6 @@
 """Sun-Mercury system with a perturbation, H = p^2/2 - GM/|q| - A/|q|^3, integrated as an oscillator (Levi-Civita).
 
-The term -A/|q|^3 is that of general relativity to first order in 1/c^2, with A = GM L^2/c^2: the perihelion advances by
+The term -A/|q|^3 is due to general relativity, to first order in 1/c^2, with A = GM L^2/c^2: the perihelion advances by
 6 pi GM/(c^2 a (1 - e^2)) an orbit. Source: Einstein (1915), Sitzungsber. Preuss. Akad. Wiss. 831; the potential in
 Goldstein (2002), Classical Mechanics, Sec. 12. A is 0 by default, so that the orbit is a Kepler ellipse.
 """

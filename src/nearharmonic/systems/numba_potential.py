@@ -211,7 +211,7 @@ STEPS = 2.0 ** -np.arange(3, 22)
 #: A gradient contradicts V if it differs by more than this multiple of the estimated error of the difference. Near the
 #: best step the estimate is the difference of two rounding errors, which may be small by chance.
 DOUBTS = 16.0
-#: Rounding error of a gradient relative to its components: that of some thousand operations.
+#: Rounding error of a gradient relative to its components: the error of some thousand operations.
 ROUNDING = 2.0**-40
 #: Number of points on a line, and order of their differences, which estimate rounding noise as the deviation of V from
 #: a polynomial: Moré & Wild (2011), Estimating computational noise, doi:10.1137/100786125. The relative distance of
@@ -294,7 +294,7 @@ def _contradiction(
         return next((i for i in indices if contradicts(indices[i : i + 1])), None)
     if not contradicts(indices):
         return None
-    while len(indices) > 1:  # if the error of a sum exceeds the sum of the allowed errors, so does that of a half
+    while len(indices) > 1:  # if a sum has a larger error than allowed, one of its halves has, too
         left, right = indices[: len(indices) // 2], indices[len(indices) // 2 :]
         indices = left if contradicts(left) else right
     return indices[0] if contradicts(indices) else None

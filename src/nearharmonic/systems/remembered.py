@@ -90,7 +90,7 @@ def read_by(*functions: object) -> list[object]:
 
 
 def _parts(value: Any, names: set[str]) -> tuple[object, list[Any]]:
-    """Return a value without its parts, and the parts; those of modules and classes have the ``names`` in functions."""
+    """Return a value without its parts, and the parts; parts of modules and classes have the ``names`` in functions."""
     told, parts = cast("object", ""), list[Any]()
     home = value if isinstance(value, type | FunctionType) else type(value)
     if isinstance(value, MethodType):

@@ -158,7 +158,7 @@ def harmonic_order(integrator: str | Tableau, *, first: First | None = None) -> 
 def harmonic_orders_of(integrator: str | Tableau, *, first: First | None = None) -> HarmonicOrders:
     """Return the orders of position, momentum, energy and phase on the harmonic oscillator.
 
-    Arguments and errors are those of :func:`order_of`.
+    Arguments and errors are as for :func:`order_of`.
     """
     tableau = tableau_of(integrator, first)
     return HarmonicOrders(
@@ -177,9 +177,9 @@ def generalised_order_of(
     """Return the generalised order (r1, r2, ..., rm) for H = T(p) + epsilon V(q), in which the kick is the small part.
 
     The error is O(epsilon tau^(r1 + 1) + epsilon^2 tau^(r2 + 1) + ...). The terms from epsilon^m on are O(tau^(rm +
-    1)), and rm is the order (Blanes et al. 2013, section 2). No r is larger than the previous one, because its errors
-    would be hidden by those of the previous one. r1 is at most 2s, as for a quadrature with s nodes. If T is
-    ``quadratic``, error terms with three or more kicks vanish or combine. Other arguments are those of
+    1)), and rm is the order (Blanes et al. 2013, section 2). No r is larger than the previous one, because the
+    errors of the previous one would hide its errors. r1 is at most 2s, as for a quadrature with s nodes. If T is
+    ``quadratic``, error terms with three or more kicks vanish or combine. Other arguments are as for
     :func:`order_of`.
     """
     tableau = tableau_of(integrator, first)
@@ -200,8 +200,8 @@ def leading_errors(
     """Return the leading error terms of a step, with the arguments of :func:`order_of`.
 
     The first two norms are Euclidean norms of the coordinates in the Lyndon basis with its standard bracketing (A < B,
-    drift A, kick B). The norm for quadratic kinetic energy is that of the smallest equivalent error, so that it is at
-    most the first norm if both have the same degree.
+    drift A, kick B). The norm for quadratic kinetic energy is the norm of the smallest equivalent error; it is at most
+    the first norm if both have the same degree.
     """
     tableau = tableau_of(integrator, first)
     terms, most = [], _highest(tableau, highest)
@@ -255,7 +255,7 @@ def _first_nystrom_failure(tableau: Tableau, kicks: int, highest: int) -> int:
 
 def _first_power(tableau: Tableau, of: Callable[..., tuple[Fraction, ...]]) -> int:
     """Return the first power of tau at which a number ``of`` the errors K11, K12, K21 and K22 of the step matrix is not
-    zero within the guaranteed digits: two powers beyond those of the step at the latest.
+    zero within the guaranteed digits: two powers beyond the step's own at the latest.
 
     A matrix entry is the sum of all words of n letters of the step. The total error of these words is at most m
     10^-digits M^(n-1) / (n-1)!, which is less than the error allowed for their logarithm.
@@ -306,7 +306,7 @@ def position_rows(integrator: str | Tableau, *, first: First | None = None) -> l
     """Return Q_(h,lambda) of Table 2, the contribution of each power of tau to the position after drift h.
 
     There is a row for each h = 0, 1, ... (s drifts for BAB, s + 1 for ABA), with lambda = 0, ..., lambda_max. The
-    recursion divides by each drift before the last, which must not be 0. Arguments are those of
+    recursion divides by each drift before the last, which must not be 0. Arguments are as for
     :func:`nearharmonic.kappa`.
     """
     tableau = tableau_of(integrator, first)

@@ -113,7 +113,7 @@ def weighted(row: Condition, errors: tuple[tuple[int, ...], int]) -> Fraction:
 # --- Symmetric steps, given by half of their coefficients, and their order conditions, which are linear in word sums.
 #
 # The logarithm of a symmetric step has no terms of even degree. If the conditions of lower degree hold, a condition of
-# odd degree n compares the coefficients of the step on words with those of exp(A + B), which are 1/n!. From degree
+# odd degree n compares the coefficients of the step on words with 1/n!, the coefficient of exp(A + B). From degree
 # seven on the logarithm may have brackets of lower degree that vanish for quadratic T, or for the V in question, and
 # change these coefficients. A condition then is one of the logarithm, a weighted sum over more words
 # (:mod:`nearharmonic.exact.lie`).
@@ -220,7 +220,7 @@ class ConditionedSteps(SymmetricSteps):
         """Return True if the logarithm may have elements of lower degree that vanish for such a potential.
 
         They are no error, but their products with A and B change the coefficients of the step on longer words. The
-        first have five letters, three of them B for any potential and at least one for those of a given degree.
+        first have five letters, three of them B for any potential and at least one for potentials of a given degree.
         """
         return degree > 5 and (self.potential_degree is not None or max(word.count("B") for word in words) > 2)
 

@@ -101,7 +101,7 @@ def zeta(
     """Return the exact contributions (zeta_0, ..., zeta_lambda_max) to the new position or momentum (Nielsen 2015, Eq.
     7).
 
-    They are for q_a = -p_a = 1 and m = k = 1. Arguments and errors are those of :func:`kappa`.
+    They are for q_a = -p_a = 1 and m = k = 1. Arguments and errors are as for :func:`kappa`.
     """
     return _zeta(tableau_of(integrator, first), variable)
 
@@ -134,7 +134,7 @@ def lambda_max(integrator: str | Tableau, *, first: First | None = None, variabl
 def step_polynomials(integrator: str | Tableau, *, first: First | None = None) -> StepPolynomials:
     """Return the step matrix of the harmonic oscillator, exact.
 
-    Arguments and errors are those of :func:`kappa`.
+    Arguments and errors are as for :func:`kappa`.
     """
     return _step_polynomials(tableau_of(integrator, first))
 
@@ -158,7 +158,7 @@ def harmonic_energy_error(integrator: str | Tableau, tau: BigFloat, *, first: Fi
     eigenvalues of the form. For a symmetric step, K11 = K22, one squared half axis is 1, and the supremum is |-K21/K12
     - 1|.
 
-    Arguments and errors are those of :func:`stability_trace`.
+    Arguments and errors are as for :func:`stability_trace`.
     """
     closed_form, step = _closed_form(tableau_of(integrator, first)), _step_size(tau)
     with mp.workdps(CLOSED_FORM_DIGITS):
@@ -216,7 +216,7 @@ def _errors(terms: Sequence[Fraction], highest: int, variable: Variable) -> Iter
 def tableau_of(integrator: str | Tableau, first: First | None = None) -> Tableau:
     """Return the tableau, given or of this name, with its outer row assigned to the operator ``first``.
 
-    Arguments and errors are those of :func:`kappa`.
+    Arguments and errors are as for :func:`kappa`.
     """
     found = method_of(integrator)
     if found.implicit:
@@ -253,7 +253,7 @@ def _value(coefficients: tuple[BigFloat, ...], tau: BigFloat) -> BigFloat:
 #
 # exp(a B) exp(d A) exp(b B) has the logarithm (a + b) B + d A + (d/2) (a - b) [B, A] + m C + ..., where C = [B, [A, B]]
 # is the kick of the square of grad V and m = -d (a^2 - 4 a b + b^2) / 12. With kicks of opposite sign and a short
-# backward drift the net kick is that of V - (m / (a + b)) tau^2 |grad V|^2, like the middle kick of Chin (1997), but it
+# backward drift the net kick is by V - (m / (a + b)) tau^2 |grad V|^2, like the middle kick of Chin (1997), but it
 # needs no second derivative of V. Yin & Mawhinney (2011), arXiv:1111.5059, use a force at a shifted position for this
 # purpose.
 
@@ -321,7 +321,7 @@ def stability_gaps(integrator: str | Tableau, *, first: First | None = None) -> 
     """Return the intervals (start, end) of step sizes with |tr K| > 2, in ascending order, to 30 digits for m = k = 1.
 
     The last interval ends at infinity. Where the trace only touches 2 there is no interval. Arguments and errors are
-    those of :func:`stability_limit`.
+    as for :func:`stability_limit`.
     """
     return gaps_of(step_polynomials(integrator, first=first))
 
@@ -343,7 +343,7 @@ def touching_points(integrator: str | Tableau, *, first: First | None = None) ->
     K is then +-1 times the identity, or has one more entry that is not 0. There is no exponential growth, but any
     perturbation of the step may open a gap.
 
-    Arguments and errors are those of :func:`stability_gaps`.
+    Arguments and errors are as for :func:`stability_gaps`.
     """
     _, touching = _special_squares(step_polynomials(integrator, first=first))
     return _step_sizes(touching)

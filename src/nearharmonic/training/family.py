@@ -20,7 +20,7 @@ from nearharmonic.integrators.tableau import First, Row, Tableau
 from nearharmonic.numerics.portable import Floats
 from nearharmonic.theory.order_conditions import ConditionedSteps
 
-# --- Methods for comparison with trained ones: all registered methods except those of this project.
+# --- Methods for comparison with trained ones: all registered methods that are not of this project.
 
 #: Prefix of the names of trained methods.
 TRAINED = "trained_"

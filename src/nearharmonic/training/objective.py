@@ -112,7 +112,7 @@ class Population:
     def energies(self, kicks: Floats, drifts: Floats, squares: Floats | None = None) -> Floats:
         """Return dH/H0 (C, T, M, S) at S samples of each run without its start; 0 where a run has fewer.
 
-        All of those of a diverged run are infinite. Arguments are those of :meth:`errors`.
+        They are infinite for a diverged run. Arguments are as for :meth:`errors`.
         """
         self._run(kicks, drifts, squares)
         found = self._relative(self._batch.filled.energy_error[:, 1:])

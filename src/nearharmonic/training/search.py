@@ -122,7 +122,7 @@ class Found:
 # coefficients that passes through 0. A Gauss-Newton step uses this. It needs the signed errors at samples of each run
 # and their derivatives along the surface, which are differences between a member and its neighbours. With the weight
 # 1/|e|^2 for the errors e of each run it is a step for the sum of their logarithms, as in iteratively reweighted
-# least squares; damping is that of Levenberg & Marquardt. Nocedal & Wright (2006), Numerical Optimization, chapter
+# least squares; damping is as by Levenberg & Marquardt. Nocedal & Wright (2006), Numerical Optimization, chapter
 # 10.
 
 #: Samples of a run, and the distance to the neighbours whose differences are derivatives.

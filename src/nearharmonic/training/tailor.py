@@ -84,14 +84,14 @@ CONDITIONS = ((4, 4, False), (4, 6, False), (6, 6, True))
 
 @dataclass(frozen=True, kw_only=True)
 class Rounds(Effort):
-    """Settings of the search; ``trials`` are those of the first round from each start.
+    """Settings of the search; ``trials`` is their number in the first round from each start.
 
     Attributes
     ----------
     most_starts : int
         Maximum number of starts of the first round.
     far_behind : float
-        A start is omitted if its objective exceeds that of the best start with the same stages by more than this.
+        A start is omitted if its objective exceeds the best start's, with the same stages, by more than this.
     third : int
         Inverse of the fraction of searches that continue, and factor of their number of trials.
     around_best, from_random : int
@@ -364,8 +364,8 @@ def _gain(won: Floats, draws: np.ndarray[tuple[int, ...], np.dtype[np.int64]]) -
 class Tailored:
     """A tailored method and its tests.
 
-    ``window`` has the smallest and largest step size per stage, in the unit of time of the system. ``ensemble`` has the
-    starts of the search, ``held_out`` those of the test, with longer runs. ``test`` and ``training`` are comparisons
+    ``window`` has the smallest and largest step size per stage, in the unit of time of the system. ``ensemble`` has
+    starts for the search, ``held_out`` starts for the test, with longer runs. ``test`` and ``training`` are comparisons
     with the best registered methods, on the starts of the test and of the search; ``published`` is one with the best
     methods of other authors, on the starts of the test.
     """
@@ -581,7 +581,7 @@ def tailored(
     """Return the tailored method and its test.
 
     ``show`` is called with the spent fraction of the budget and the smallest objective. ``starts`` returns the starts
-    of the search and those of the test in place of :func:`ensembles`.
+    of the search and of the test in place of :func:`ensembles`.
     """
     subject, methods = asked.system, asking.registered(asked.system)
     orbit = asking.orbit_of(subject)

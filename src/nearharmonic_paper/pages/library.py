@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 # --- docs/reference/methods.md ----------------------------------------------------------------------------------------
 
 #: Step sizes per stage at which methods with modified potentials are compared, the heads of their columns, and the time
-#: of a force with the gradient of its square over that of a force.
+#: of a force with the gradient of its square over the time of a force.
 COMPARED = {"henon_heiles": ((0.05, 0.1, 0.2), "Hénon-Heiles, τ/s = {:g}", 2.1),
             "kepler": ((10, 20, 40), "Kepler, {:g} h", 1.3)}  # fmt: skip
 #: Methods without a modified potential in this table.
@@ -108,7 +108,7 @@ def variables(files: Sequence[str], kinds: Sequence[str], explained: str) -> dic
 def variables_table(datasets: Iterator[xr.Dataset]) -> str:
     """A row for each variable of at least one dataset, coordinates of dimensions first.
 
-    A variable whose unit is that of a quantity of Kepler's problem, in which all units differ, has the quantity's name.
+    The unit of a quantity of Kepler's problem, in which all units differ, is replaced by the quantity's name.
     """
     found: dict[str, list[xr.DataArray]] = {}
     for dataset in datasets:
@@ -139,7 +139,7 @@ def adapters(errors: str) -> dict[str, Any]:
 
 @house_style
 def errors_drawn(names: Sequence[str], rows: Sequence[Sequence[str]]) -> Figure:
-    """Draw the errors over that of the first method, as libraries have units of their own: a line for each row."""
+    """Draw errors over the first method's error, as libraries have units of their own: a line for each row."""
     figure = new_figure(7, 0.36 * len(rows) + 1.2)
     height = figure.get_figheight()
     figure.subplots_adjust(left=0.5, right=0.98, top=1 - 0.4 / height, bottom=0.55 / height)
@@ -151,7 +151,7 @@ def errors_drawn(names: Sequence[str], rows: Sequence[Sequence[str]]) -> Figure:
         for name, error in zip(names, errors, strict=True):
             axes.plot(error, place, **style_of(name).line(markersize=6, linestyle="none"))
     axes.set_yticks(list(places), [f"{row[0]}: {row[1]} ({row[3]})" for row in rows])
-    axes.set(xlabel="energy error over that of leapfrog", ylim=(0.3, len(rows) + 0.7))
+    axes.set(xlabel="energy error over leapfrog's error", ylim=(0.3, len(rows) + 0.7))
     axes.tick_params(axis="y", which="both", length=0)
     log_scale(axes, "x")
     labels = [name if name.startswith("trained_") else registered[name].label for name in names]

@@ -76,7 +76,7 @@ def stability(tables: Sequence[str]) -> dict[str, str]:
 
 
 def rounding(rows: Sequence[Row]) -> str:
-    """Exponents of growth by arithmetic and quantity, and how many intervals hold that of Brouwer's law."""
+    """Exponents of growth by arithmetic and quantity, and how many intervals hold the exponent of Brouwer's law."""
     sums = {"plain": "plain", "compensated": "compensated", "extended": "double-double"}
     lines = []
     for (source, words), (quantity, what) in product(sums.items(), {"energy_error": "energy", "lag": "phase"}.items()):
@@ -188,7 +188,7 @@ def amplitude(row: Row) -> str:
 @measures_time
 @fills
 def timings(cube: str) -> dict[str, str]:
-    """Times beside those of other libraries; the log names machine and libraries."""
+    """Times beside other libraries; the log names machine and libraries."""
     measured, facts = pairs(cube, TIMED)
     print(f"Machine: {facts['cpu']}; {facts['libraries']}")
     runs = [(f"{pair.label}, {words}", pair, mode) for mode, words in MODES.items() for pair in measured]

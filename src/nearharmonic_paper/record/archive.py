@@ -336,7 +336,7 @@ class UserFiles:
     def members(self) -> list[Member]:
         """Return the members of an archive for these files and the files that they import.
 
-        A manifest may name any file: one whose code is not that of the recorded digest is a ResultFileError.
+        A manifest may name any file: a file whose code has another digest than recorded raises ResultFileError.
         """
         members = {}
         for path in self._paths:

@@ -289,7 +289,7 @@ class _Pair:
     def settings(self) -> Iterator[Difference]:
         """Yield the differing keys of the configs, then of the settings of each cube."""
         if all(self._newest):
-            # The name is that of the folder.
+            # The name is the folder's.
             configs = [dict(flattened(run.get("config", {}) | {"name": ""})) for run in self._newest]
             yield from _keys_that_differ("setting", configs, "config: {}")
         for name, cubes in self._attributes():

@@ -415,7 +415,7 @@ size and the SHA-256 of each file, and for each run its settings, its software a
 def zenodo(about: Archive) -> bytes:
     """Return the metadata for a deposit, JSON in UTF-8 with the keys of Zenodo's REST API.
 
-    There is no date: Zenodo adds that of the publication.
+    There is no date: Zenodo adds the date of publication.
     """
     made_by = {"identifier": about.homepage, "relation": "isCompiledBy", "resource_type": "software", "scheme": "url"}
     deposit = {

@@ -167,7 +167,7 @@ class Texts:
 
 # --- Result folders by name.
 
-#: The folder of all results, below that of the project.
+#: The folder of all results, below the folder of the project.
 RESULTS = Path("results")
 #: Files and folders that identify a folder of results: it has at least one.
 SIGNS = ("manifest.json", "history.jsonl", "cubes", "logs/running")

@@ -184,7 +184,7 @@ SKIPPED = "skipped"
 def run_table(folders: Mapping[str, Path]) -> tuple[pd.DataFrame, dict[str, dict[str, str]]]:
     """Return every run of some results, sorted by result, system, integrator, precision and step size.
 
-    ``folders`` are those of the results by name; if there are several, the first column is ``result`` with their names.
+    ``folders`` has folders of results by name; if there are several, the first column is ``result`` with their names.
 
     Returns
     -------
@@ -213,7 +213,7 @@ def run_table(folders: Mapping[str, Path]) -> tuple[pd.DataFrame, dict[str, dict
 def system_cubes(folder: Path) -> Iterator[Path]:
     """Yield the sorted files in ``folder`` with the runs of a system: those named after it.
 
-    Other cubes, such as that of the kinetic energies, also name a system, but have no single runs.
+    Other cubes, such as the cube of kinetic energies, also name a system, but have no single runs.
     """
     for path in sorted(folder.glob("cubes/*.h5")):
         if str(store.attributes_of(path).get("system")) == path.stem:

@@ -164,7 +164,7 @@ def extent(folder: Path) -> tuple[int, int, list[str], int]:
     """Return what the manifest and the history of ``folder``, which has no fault, tell of its files.
 
     These are the number of its files and their size in bytes; the sorted files with users' integrators whose
-    coefficients :func:`faults` does not compute; and the number of files from runs with a different config than that of
+    coefficients :func:`faults` does not compute; and the number of files from runs with a different config than
     the newest successful run, which may be up to date: the section of one system does not affect other systems.
     """
     entries = manifest.read(folder)["files"]

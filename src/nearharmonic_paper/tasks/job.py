@@ -76,7 +76,7 @@ def draw(snakemake: Any) -> None:
     """Draw the figures of some cubes, each with the package function in ``params.tasks`` under its stem.
 
     A function gets the cubes of the input ``cubes``, which are read once, if there are any; it returns a matplotlib
-    ``Figure``, which is made narrow if ``params.width`` is "column". Errors are those of :func:`run`.
+    ``Figure``, which is made narrow if ``params.width`` is "column". Errors are as for :func:`run`.
     """
     from nearharmonic.output.store import read
 
@@ -279,8 +279,8 @@ class Files(list[str]):
 class FrozenJob:
     """A job with those members of Snakemake's object that :func:`run` and :func:`draw` use.
 
-    Paths are relative to the working folder; ``params`` are those of the rule among :data:`PARAMS`. ``patience`` are
-    the seconds to wait for inputs that another node wrote.
+    Paths are relative to the working folder; ``params`` has the rule's parameters in :data:`PARAMS`. ``patience`` is
+    the number of seconds to wait for inputs that another node wrote.
     """
 
     input: Files

@@ -171,7 +171,7 @@ def parsed(text: bytes) -> Source:
 def _tree_digest(tree: ast.Module) -> str:
     """Return the SHA-256 of the nodes of a syntax tree without docstrings, and of their fields, in an order of its own.
 
-    ``ast.dump`` takes three times as long. Contexts, such as that of a name that is assigned to, follow from the rest.
+    ``ast.dump`` takes three times as long. Contexts, such as the store of an assigned name, follow from the rest.
     """
     told, waiting = list[object](), list[Any]([tree])
     documented = {ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef}
@@ -327,7 +327,7 @@ def task(function: str, **settings: Any) -> Task:
     dict
         ``function``, ``settings``, ``modules`` (dotted names of its module and of all modules that this imports),
         ``code`` (SHA-256, hex), ``coefficients`` (SHA-256, hex), and the names of the ``systems`` and ``integrators``
-        that the settings hold. ``code`` covers these modules, those of these systems, and the versions of numpy, numba
+        that the settings hold. ``code`` covers these modules, the systems' modules, and the versions of numpy, numba
         and llvmlite. ``coefficients`` covers these integrators. ``definitions`` has the users' systems and integrators
         among them, from which the job creates them; ``code`` covers their files.
     """

@@ -72,7 +72,7 @@ def leaders(runs: xr.Dataset) -> xr.Dataset:
     over = median.isel(integrator=0, drop=True)
     names = runs.integrator.values[leader].astype(object)
     of_leader = "method of the smallest median of the maximum error; none if no error is below a tenth"
-    of_lead = "log10 of the error of the best method of another kind over that of the leader"
+    of_lead = "log10 of the error of the best method of another kind over the error of the leader"
     found = {"leader": (over.dims, np.where(useful, names, ""), described(of_leader))}
     return xr.Dataset(found | {"lead": (over.dims, lead, described(of_lead))}, over.coords)
 
@@ -376,7 +376,7 @@ def _forces_axis(axes: Axes, forces: Any) -> None:
 #: Forces in the fastest period, of which the cube's nearest are shown: of leaders, of leads of the method trained on
 #: crystals, of errors, and of averages.
 LEADERS_AT, AROUND, COMPARED, BATHED = (40, 26, 20, 16, 13, 10, 6.3), (26, 20, 16, 13, 10), 26, (14, 10)
-#: Temperature of the table of errors, over that of the melting point, and kinds of methods.
+#: Temperature of the table of errors, over the melting temperature, and kinds of methods.
 WARM, COMPARED_KINDS = 0.1, {"general": "best general", "paper": "best of the paper", "trained": "best trained"}
 
 

@@ -61,7 +61,7 @@ def measure(crystal: str, names: Sequence[str], settings: CrystalsSettings) -> d
     over = ("temperature", "integrator", "forces", "start")
     what = "energy error |H - H0| over steps, in units of the mean kinetic energy"
     variables = {
-        **coordinate("temperature", temperatures, "temperature over that of the melting point"),
+        **coordinate("temperature", temperatures, "temperature over the melting temperature"),
         **coordinate("integrator", [one.name for one in methods], "integrator"),
         **coordinate("forces", forces, "forces in a period of the fastest phonon"),
         "label": variable("integrator", [one.label for one in methods], "name in the paper"),
@@ -80,7 +80,7 @@ def measure(crystal: str, names: Sequence[str], settings: CrystalsSettings) -> d
 def start_of(solid: Solid, temperature: float, seed: list[int]) -> Start:
     """Return a state in equilibrium at a temperature, relative to the melting point, without total momentum.
 
-    Langevin steps from the lattice sites are those of leapfrog around friction and noise, BAOAB: Leimkuhler & Matthews
+    Langevin steps from the lattice sites are leapfrog steps around friction and noise, BAOAB: Leimkuhler & Matthews
     (2013), Appl. Math. Res. eXpress 2013, 34.
     """
     energy, tau, n, normal = temperature * solid.melting, solid.period / PER_PERIOD, solid.coordinates, Normal(seed)
@@ -145,7 +145,7 @@ def delta(solid: Solid, start: Start, seed: int) -> float:
 
 # --- Long runs of small crystals: the drift of the energy, and averages with a thermostat.
 
-#: Cells of the small crystals, and the temperature of all long runs over that of the melting point.
+#: Cells of the small crystals, and the temperature of all long runs over the melting temperature.
 SMALL, TEMPERATURE = {"argon": 2, "copper": 2, "silicon": 1, "chain": 32}, 0.3
 #: Forces in the fastest period in the runs that measure the drift, and looks at the energy in each.
 FORCES, LOOKS = 20.0, 500

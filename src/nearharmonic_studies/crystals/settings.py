@@ -13,7 +13,7 @@ from nearharmonic_paper.entries import STRICT, PositiveDecimal, positive_numbers
 
 #: Crystals, and the cells of each at size 1: 4, 4 and 8 atoms or two masses in a cell.
 CELLS = {"argon": 3, "copper": 2, "silicon": 2, "chain": 512}
-#: Methods of the long runs, and those of the runs with a thermostat.
+#: Methods of the long runs, and of the runs with a thermostat.
 DRIFTING = ("leapfrog", "predescu_s3", "babps9o7h", "trained_light")
 AVERAGED = ("leapfrog", "bcss_s3", "bcss_s4", "predescu_s3", "babs7o7h", "trained_coarse")
 
@@ -80,7 +80,7 @@ class CrystalsSettings:
 
 # --- The method that was trained on model crystals, to be compared with the registered ones.
 #
-# The search is that of the target ``trained`` with the key ``trained: {purposes: [crystal_coarse]}``.
+# The search is the target ``trained`` with the key ``trained: {purposes: [crystal_coarse]}``.
 
 TRAINED_ON_CRYSTALS = Tableau(
     name="trained_on_crystals",

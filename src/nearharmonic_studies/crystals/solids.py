@@ -84,7 +84,7 @@ class Solid:
 
 # --- Sites of crystals, and pairs of neighbours as fixed vectors between sites.
 #
-# Forces depend on displacements u from the sites: the distance of two neighbours is that of their sites plus the
+# Forces depend on displacements u from the sites: the vector between two neighbours is a fixed vector plus the
 # difference of their displacements. The lists are made once, because atoms of a crystal do not leave their sites.
 
 FCC = ((0.0, 0.0, 0.0), (0.0, 0.5, 0.5), (0.5, 0.0, 0.5), (0.5, 0.5, 0.0))
@@ -424,7 +424,7 @@ def silicon(cells: int) -> Solid:
 
 # --- Loops over steps of a crystal, compiled for its gradient, with and without friction and noise.
 #
-# The force at the end of a step is that of the next first kick, and its evaluation also gives V there: the energy after
+# The force at the end of a step serves the next first kick, and its evaluation also gives V there: the energy after
 # each step costs nothing if a step begins with a kick.
 
 

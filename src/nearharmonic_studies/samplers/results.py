@@ -43,8 +43,8 @@ def cost(runs: xr.Dataset) -> xr.Dataset:
     found = {"best": best.assign_attrs(described(of_best))}
     for name, shifted, text in (
         ("cost", logs, "gradients per effective sample of the slowest observable"),
-        ("gain", logs.isel(integrator=0, drop=True) - logs, "gradients of the first method over those of one"),
-        ("over_best", logs.sel(integrator=best.item()) - logs, "gradients of the best known method over those of one"),
+        ("gain", logs.isel(integrator=0, drop=True) - logs, "ratio of gradients, first method to this method"),
+        ("over_best", logs.sel(integrator=best.item()) - logs, "ratio of gradients, best known method to this method"),
     ):
         values = shifted.transpose(*logs.dims)
         middle = values.isel(part=0, drop=True)
@@ -71,7 +71,7 @@ def reduce(settings: SamplersSettings, gaussians: str, limits: str, chains: Sequ
     for name in ("gradients", *PLACE):
         cube[f"gaussian_{name}"] = exact[name]
     first = exact["gradients"].isel(integrator=0, drop=True)
-    text = "gradients of the first method over those of one, on a Gaussian"
+    text = "ratio of gradients, first method to this method, on a Gaussian"
     cube["gaussian_gain"] = (first / exact["gradients"]).assign_attrs(described(text))
     special = read(limits)
     cube["training_objective"] = special["known_objective"]

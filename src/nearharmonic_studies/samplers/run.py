@@ -45,14 +45,14 @@ from nearharmonic_studies.samplers.targets import (
 # 1501 (2013), doi:10.3150/12-BEJ414. A trial of a method needs <dH^2> of one mode of each kind, from starts that are
 # the same for all methods.
 
-#: Strengths b, the number of modes, whose frequencies are those of the quartic target, and the mean length.
+#: Strengths b, the number of modes, with the frequencies of the quartic target, and the mean length.
 STRENGTHS, MODES, LENGTH = (0.1, 0.5, 2.0), 1000, 8.0
 
 #: Step sizes per stage times the highest frequency, of which each method takes its best.
 TAUS = tuple(0.15 * 8 ** (k / 15) for k in range(16))
 #: Ratios of a sequence of points that fill a cube evenly: powers of 1/x with x^5 = x + 1.
 EVEN = (0.8566748838545029, 0.733891856627126, 0.6287067210378087, 0.5385972572236101)
-#: Starts are those of a higher temperature, with weights: rare starts of large energies decide <dH^2>.
+#: Starts are at a higher temperature, with weights: rare starts of large energies decide <dH^2>.
 HOT = 4.0
 #: Largest sum of the absolute values of all coefficients, and dH^2 above which a mode rejects a proposal by itself.
 LARGEST_SUM, REJECTS = 8.0, 4.0
@@ -203,7 +203,7 @@ def train(family: str, settings: SamplersSettings) -> dict[str, Contents]:
     found = trained(searched, proposals, settings, seed, settings.random_starts)
     variables = {
         "unknowns": variable("unknown", found.unknowns, "first halves of both rows without the innermost values"),
-        "objective": variable((), found.value, "log of gradients over those of leapfrog"),
+        "objective": variable((), found.value, "log of gradients relative to leapfrog"),
         "tried": variable((), found.trials, "members tried in the search that found it"),
     }
     return {"run": Contents(variables=variables, attributes={"family": family, "origin": found.origin})}
@@ -262,7 +262,7 @@ def measure_limits(settings: SamplersSettings, trained: Sequence[str]) -> dict[s
         ),
         **coordinate("known", [*settings.methods, *searched], "integrator"),
         "known_objective": variable(
-            "known", [plain.of(one) for one in (*known, *searched.values())], "log of gradients over those of leapfrog"
+            "known", [plain.of(one) for one in (*known, *searched.values())], "log of gradients relative to leapfrog"
         ),
     }
     return {"run": Contents(variables=variables, coordinates=("trained_label",))}
@@ -275,15 +275,15 @@ MADE: dict[str, Callable[[int], Target]] = {
     "lattice": lattice,
     **{name: lambda _, made=made: made() for name, made in POSTERIORS.items()},  # type: ignore[misc]
 }
-#: Step sizes per stage times the highest frequency on Gaussians, whose number is a multiple of that of the chains.
+#: Step sizes per stage times the highest frequency on Gaussians: bounds, and their number over the chains' number.
 LEAST, MOST, FINER = 0.15, 1.6, 3
 #: Lengths of trajectories on Gaussians, times the highest frequency.
 LENGTHS = (4.0, 8.0, 12.0, 16.0, 24.0)
-#: Proposals over those of the settings, on targets with cheap gradients.
+#: Factors of the settings' numbers of proposals, on targets with cheap gradients.
 MORE = {"eight_schools": 16, "mesquite": 8}
 #: Targets with rare states at which large steps are rejected many times: all chains tune, not a quarter.
 RARE = ("eight_schools",)
-#: A step size is not tried further if fewer proposals than this are accepted, and those of a first look.
+#: A step size is not tried further if fewer proposals than this are accepted; number of proposals of a first look.
 HOPELESS, LOOK = 0.15, 30
 #: Step size, times the highest frequency, and length, over the shortest, of the proposals before the first that counts.
 WARMING = (0.4, 1.0)
@@ -377,7 +377,7 @@ def tuned(
 ) -> dict[str, Place]:
     """Return the step size and the length of the fewest gradients per effective sample, for each method.
 
-    All methods have the same grid, the same starts and the same random numbers, which are not those of the measurement.
+    All methods have the same grid, the same starts and the same random numbers, which the measurement does not use.
     """
     few = starts if on.name in RARE else starts[: max(2, len(starts) // 4)]
     count = MORE.get(on.name, 1) * settings.tuning

@@ -428,7 +428,7 @@ def student(degrees: int) -> float:
 
 # --- Chains of Hamiltonian Monte Carlo with one method, compiled for each target.
 #
-# The force at the end of a trajectory is that of the next first kick: a trajectory of N steps of s stages takes N s
+# The force at the end of a trajectory serves the next first kick: a trajectory of N steps of s stages takes N s
 # gradients. A method that begins with a drift evaluates U once more, without its gradient.
 
 #: Times of a trajectory are uniform in this range around the chosen one, so that no mode returns to its start.

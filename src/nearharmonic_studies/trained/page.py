@@ -302,7 +302,7 @@ WORDS_OF_IDEAS = {
     "harmonic_conditions": "harmonic conditions",
     "nystrom": "Nyström", "trained": "trained", "general": "general",
 }  # fmt: skip
-#: Methods of the table of shifted kicks beside the trained ones: those of the paper, and where such pairs are as plain.
+#: Methods of the table of shifted kicks beside the trained ones: the paper's, and others where such pairs are as plain.
 SHIFTED = ("aba104", "abas5o6h", "babs6o5h", "babps6o5h", "babps8o7h", "mclachlan_sb3a4")
 
 

@@ -278,7 +278,7 @@ def named_ensemble(one: Named, count: int, seed: int | list[int], t_end: float) 
     random = np.random.default_rng(seed)
     energies = _log_uniform(random, one.energies, count)
     bound = modes[:, squares >= FREE].T
-    # The distribution on the sphere is isotropic, so that any basis can be used; here that of the coordinates.
+    # The distribution on the sphere is isotropic, so that any basis can be used; here the coordinates.
     sphere = product(random.normal(size=(count, 2, d)), product(bound.T, bound))
     sphere /= np.sqrt((sphere**2).sum(axis=(1, 2), keepdims=True))
     q = product(sphere[:, 0], product(bound.T / np.sqrt(squares[squares >= FREE]), bound))
@@ -442,14 +442,14 @@ def random_ensemble(dimension: int, count: int, seed: int, *, band: tuple[float,
 #
 # q are coordinates times the square roots of the masses, so that T = p.p/2. The unit of length is the softness of the
 # bonds, the length for which the cubic term of every pair potential of this form is -d^3/2. Then c is 7/24 for
-# Morse's bond and 53/168 for that of Lennard-Jones; it is uniform between the two. The ratio of the masses is log-
+# Morse's bond and 53/168 for Lennard-Jones's; it is uniform between the two. The ratio of the masses is log-
 # uniform from 1 to 4, and so are all k_i from 0.7 to 1.4. The highest frequency is 1. Every phonon has random
 # coordinates and momenta of one temperature, which makes the rms change of a bond log-uniform in a band, as long as
 # bonds are harmonic. The total momentum is 0.
 
 #: Masses of a ring, the largest ratio of two of them, and the bounds of the strengths of bonds.
 SITES, RATIO, BONDS = 8, 4.0, (0.7, 1.4)
-#: Coefficient of d^4 for Morse's bond and for that of Lennard-Jones: V''''/V'' over 24, and over (V'''/(3 V''))^2.
+#: Coefficient of d^4 for Morse's bond and for Lennard-Jones's: V''''/V'' over 24, and over (V'''/(3 V''))^2.
 QUARTIC = (7 / 24, 53 / 168)
 
 

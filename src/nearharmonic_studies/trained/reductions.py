@@ -225,7 +225,7 @@ def reduce_proof(methods: Sequence[str], settings: ProofSettings, run: str) -> d
 #
 # The dataset has ``log_error`` over (integrator, tau_per_stage, strength, problem) with the coordinate ``idea`` of each
 # integrator, ``exact_log_error`` over (exact_integrator, ...), ``anharmonicity`` over (strength, problem), and the
-# attribute ``seed``. With ``over="resample"`` a reduction takes the errors of the best in place of those of all.
+# attribute ``seed``. With ``over="resample"`` a reduction takes the errors of the best methods, not of all.
 
 
 #: Reference idea.
@@ -295,7 +295,7 @@ def _leaders(best: xr.Dataset, suffix: str, text: str) -> xr.Dataset:
         one.sel(idea=second).drop_vars("idea") - one.sel(idea=leader).drop_vars("idea")
         for one in (best.mean_log_error, best.resampled)
     )
-    says = "by which it is ahead of the second"
+    says = "lead of the best idea over the second"
     found = _with_interval(f"lead{suffix}", lead, resampled, says, "its 95 % interval")
     return found.assign({f"leader{suffix}": leader.assign_attrs(described(text))})
 

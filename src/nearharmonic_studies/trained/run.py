@@ -133,9 +133,9 @@ MEANINGS = {
     "energy_error": (("problem", "sample"), "(H - H0)/|H0| of the long runs"),
     "max_energy_error": (("problem",), "maximum of |H - H0|/|H0| over every step of the long runs"),
     "q": (_STATES, "coordinates at the start, at the end of the run there and after the run back"),
-    "q_low": (_STATES, "digits below those of q"),
+    "q_low": (_STATES, "low part of q"),
     "p": (_STATES, "momenta at the start, at the end of the run there and after the run back"),
-    "p_low": (_STATES, "digits below those of p"),
+    "p_low": (_STATES, "low part of p"),
     "fine_energy_error": (("arithmetic", "problem", "fine_sample"), "(H - H0)/|H0| of the runs for rounding"),
 }
 
@@ -167,7 +167,7 @@ def long_runs_measure(methods: Sequence[str], beside: str, settings: ProofSettin
 def long_runs(ensembles: Mapping[str, Ensemble], methods: Sequence[Tableau], steps: int) -> Variables:
     """Integrate ensembles of equal size, by the name of their system, with all methods; a long run has ``steps``.
 
-    The variables are those of :data:`MEANINGS`, NaN after the last sample of a run and the last coordinate of a system.
+    The variables are as in :data:`MEANINGS`, NaN after the last sample of a run and the last coordinate of a system.
     """
     samples = min(SAMPLES, steps + 1)
     coordinates = {

@@ -36,7 +36,7 @@ CAPTION = (
 )
 #: Number of methods of each family that are compared on the validation set.
 SHORT_LIST = 3
-#: Ratio of the intervals of validation and test to those of training.
+#: Ratio of the intervals of validation and test to the intervals of training.
 LONGER = 2.0
 #: A method of the short list: its objective on the validation set, and its search result.
 Candidate = tuple[float, Found]

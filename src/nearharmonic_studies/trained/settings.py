@@ -72,7 +72,7 @@ class Purpose:
     ``name``, ``what``: suffix of the name of the method, and the purpose in words. ``tau_per_stage``: step sizes over
     the cost of a step, in radians of the fastest oscillation. ``t_end``: length of a run, in the same unit. ``chains``:
     families of the search. ``band``: bounds of the strength of random potentials; orbits, if None. ``after``: purpose
-    whose method is an additional start of the search: that of a neighbouring window. ``descent``: way from a start to a
+    whose method is an additional start of the search, with a neighbouring window. ``descent``: way from a start to a
     minimum.
     """
 

@@ -32,7 +32,7 @@ SYSTEM = System(
 )
 '''
 LINE = "  added_system: {tau_per_stage: {lowest: 0.01, highest: 1, points_per_decade: 20}}\n"
-#: Tests beside those of this folder that walk a registry, or read a page about it.
+#: Tests outside of this folder that walk a registry, or read a page about it.
 FILES = (
     "test_style.py", "test_decided.py", "test_config.py", "test_examples.py", "test_methods.py", "test_cli.py",
     "test_order.py", "test_linear_stability.py", "test_plan.py", "test_tableaus.py",

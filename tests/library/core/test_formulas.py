@@ -297,7 +297,7 @@ def test_root_of_constant_is_exact_or_good_to_300_digits():
     assert Constant(4, 9).sqrt() == Fraction(2, 3)
     assert Constant(0).sqrt() == 0
     assert arithmetic.sqrt(Constant(9, 4)) == Fraction(3, 2)
-    assert arithmetic.sqrt(Fraction(1, 4)) == 0.5  # no parameter: that of a float
+    assert arithmetic.sqrt(Fraction(1, 4)) == 0.5  # no parameter: the root of a float
     assert Constant(1, 9) ** 1.5 == Fraction(1, 27)
     for value in (Constant(2), Constant(1, 10**40), Constant(10**41 + 1)):
         assert abs(value.sqrt() ** 2 / value - 1) < Fraction(1, 10**300)
@@ -344,7 +344,7 @@ U = mpf(2) ** -53
 DOUBLE = dict.fromkeys(NONE, U) | {"function": 2 * U}
 EXTENDED = {"constant": U**2, "+": 3.1 * U**2, "*": 5 * U**2, "/": 15 * U**2, "root": 4 * U**2}
 EXTENDED["function"] = mpf(2) ** -100
-#: Python's and numpy's powers are those of the C library, good to one unit in the last place.
+#: Python's and numpy's powers come from the C library, good to one unit in the last place.
 LIBRARY = {name: 2 * bound for name, bound in DOUBLE.items()}
 
 
@@ -389,7 +389,7 @@ def test_machine_code_keeps_the_bounds_of_its_arithmetic(tree, states):
 @given(trees(LITERALS + EXACT), points_of_tracing)
 @example(EVERY, [-0.75, 0.0, 1.25, 0.0])
 def test_multiprecision_agrees_to_its_digits(tree, point):
-    """Errors of mpmath at 60 digits, some 1e-60 an operation, dominate those of the 200 digits."""
+    """Errors of mpmath at 60 digits, some 1e-60 an operation, dominate the errors at 200 digits."""
     value, error = truth(tree, tuple(mpf(x) for x in point[::2]), dict.fromkeys(NONE, mpf(10) ** -59))
     with localcontext(prec=DECIMAL_DIGITS):
         result = written(tree, tuple(Multiprecision.of(Constant(x)) for x in point[::2]))

@@ -298,7 +298,7 @@ KICK_FIRST, DRIFT_FIRST, UNMEASURED = (
     ("plain", "drift", "samples"),
     ("compensated", "drift", "none"),
 )
-#: The other case of .ci/run, beside that of README's command.
+#: The other case of .ci/run, beside the case of README's command.
 SECOND = ("driven", KICK_FIRST)
 
 
@@ -331,7 +331,7 @@ def test_doubles_follow_double_doubles_to_rounding(name, settings, looped):
 @pytest.mark.slow
 @pytest.mark.parametrize("precision", ["double", "extended"])
 def test_loops_and_unrolled_kernels_have_the_same_bits(precision, monkeypatch):
-    """Sums have only one order here: each force is that of two bonds."""
+    """Sums have only one order here: each force is the sum of two bonds."""
 
     def run():
         start = [f"{np.sin(np.pi * (i + 1) / 9):.6f}" for i in range(8)]

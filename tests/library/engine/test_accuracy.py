@@ -83,7 +83,7 @@ def test_orbit_without_closed_form_of_its_own_is_followed_numerically():
 def test_system_without_closed_form_is_followed_in_extended_precision():
     found = reference(spring(), "20")
     error = abs(mpf(found.q[0, 0]) + mpf(found.q[0, 1]) - mpmath.cos(mpf(20)))
-    # The error that the reference states, which rests on order 6, to a factor of 3; and far below that of a double.
+    # The error that the reference states, which rests on order 6, to a factor of 3; and far below a double's error.
     assert error < 3 * max(found.uncertainty, 1e-30)
     assert found.uncertainty < 1e-17
 

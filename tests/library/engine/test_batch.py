@@ -270,7 +270,7 @@ def test_a_run_counts_more_than_2_to_31_steps():
     assert found.marks.tolist() == [[0, steps // 2, steps]]
     assert (found.steps.item(), found.done.item(), found.left_at.item()) == (steps, steps, 0)
     q, p = oscillator_state(nh.integrators["leapfrog"], mpf(1) / 4, steps)
-    # Each step of one kick and one drift by exact coefficients is off by two roundings, that of the phase by their sum.
+    # Each step of one kick and one drift by exact coefficients is off by two roundings, and the phase by their sum.
     assert abs(mpf(found.q[0, -1, 0]) - q) < steps * mpf(2) ** -52
     assert abs(mpf(found.p[0, -1, 0]) - p) < steps * mpf(2) ** -52
 
@@ -321,7 +321,7 @@ def exponents(marks, sizes):
 def test_rounding_errors_of_ten_billion_steps_grow_as_their_root(summation, largest, trials):
     """A minute: steps of 1/4 multiply exactly, so that only sums are rounded, with errors of either sign.
 
-    The frequency of an oscillator does not depend on its energy, so that its phase error grows as that of the energy.
+    The frequency of an oscillator does not depend on its energy, so that its phase error grows like its energy error.
     16 members have root mean squares to 18 %, and exponents over five decades to 0.05: three times that.
     """
     sizes = rounding_errors(summation, Fraction(1, 4), MARKS)

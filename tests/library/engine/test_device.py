@@ -51,7 +51,7 @@ CASES = {
 
 @pytest.fixture
 def driver(monkeypatch):
-    """A recorded driver in place of that of a GPU; kernels stand for the text that they would send."""
+    """A recorded driver in place of a GPU's driver; kernels stand for the text that they would send."""
 
     def install(**given):
         found = RecordedDriver(**given)

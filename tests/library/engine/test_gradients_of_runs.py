@@ -109,7 +109,7 @@ def test_gradient_is_that_of_differences(case):
     system, method, tau, t_end, observable = CASES[case]
     expected, value = differences(system, method, tau, t_end, observable)
     found = nh.gradient(system, method, tau, observable, t_end=t_end)
-    # Ten roundings a step would be relative to the largest derivative; those of a random walk are fewer.
+    # Ten roundings a step would be relative to the largest derivative; a random walk has fewer.
     np.testing.assert_allclose(all_of(found), expected, rtol=0, atol=100 * EPS * np.abs(expected).max())
     assert found.value.item() == pytest.approx(value, rel=1e-13, abs=1e-14)
     assert found.status.item() == "ok"
@@ -157,7 +157,7 @@ def test_systems_compiled_as_loops_have_gradients():
 
 
 def test_chaotic_run_tells_the_digits_that_it_loses():
-    """The gradient of doubles against that of double-doubles, which has 31 digits less the same loss."""
+    """The gradient in doubles against the gradient in double-doubles, which has 31 digits less the same loss."""
     arguments = "henon_heiles", "babps8o7h", 0.5, torque
     start = {"q0": ["0", "-0.15"], "p0": ["0.49", "0"], "t_end": 300}
     found, exact = (nh.gradient(*arguments, precision=one, **start) for one in ("double", "extended"))

@@ -118,7 +118,7 @@ def test_energy_error_is_that_of_states_to_four_digits(method, tau, first):
 
 @pytest.mark.slow
 def test_near_rounding_the_energy_error_is_exact():
-    """Steps so short that the error is that of rounding, 1e-16, which a sum of doubles could not tell."""
+    """Steps so short that the error is all rounding, 1e-16, which a sum of doubles could not tell."""
     run = nh.integrate(TEN_SITES, "yoshida_s7o6a", 0.01, samples=11)
     exact = [exact_error(run, sample) for sample in range(11)]
     assert 0 < np.abs(exact).max() < 1e-14

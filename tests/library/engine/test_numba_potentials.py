@@ -157,7 +157,7 @@ def test_positions_are_compared_with_fine_runs_in_double():
     found = nh.recommend(fast, 1e-6, measure="position", methods=["ruth"])
     run = nh.integrate(fast, "ruth", float(found.tau[0]), summation=str(found.summation.values[0]))
     off = abs(float(run.q[-1, 0]) - np.cos(400))
-    assert float(found.position_error[0]) == pytest.approx(off, abs=1e-11)  # that of the reference in double
+    assert float(found.position_error[0]) == pytest.approx(off, abs=1e-11)  # error of the reference in double
 
 
 def test_copies_keep_the_functions_that_they_do_not_change():

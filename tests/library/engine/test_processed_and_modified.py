@@ -1,6 +1,6 @@
 """Runs of processed methods: their attributes, and samples and energies of processed states.
 
-Their states, orders and bits are tested with those of the other methods with kicks of a modified potential.
+Their states, orders and bits are tested together with the other methods with kicks of a modified potential.
 """
 
 import pickle

@@ -271,7 +271,7 @@ class HalfSteps(RegularisedFormulas):
 
 @pytest.mark.slow
 def test_systems_of_different_time_maps_get_their_own_code():
-    """Steps of the fictitious time are those of physical time over the semi-major axis: half of it, half as many."""
+    """A step of fictitious time is a physical step over the semi-major axis: half the axis, half as many steps."""
     own = nh.systems["kepler_regularised"]
     system, other = (replace(own, regularisation=Regularisation(gravity="GM")) for _ in range(2))
     maps = other.formulas().regularised

@@ -148,7 +148,7 @@ def test_an_ensemble_keeps_what_was_asked_for():
 
 
 def test_a_result_knows_the_parameters_that_it_was_computed_with():
-    """Invariants, what continues from it, and its description are those of its own parameters."""
+    """Its invariants, runs that continue from it, and its description use its own parameters."""
     spring = nh.System(
         name="spring of a constant",
         V=lambda q, k: k * q[0] ** 2 / 2,
@@ -284,7 +284,7 @@ def test_new_values_compile_nothing():
 )
 def test_a_run_backwards_returns_to_the_start(method):
     """Symmetric methods: -tau undoes tau, up to 2 * 200 stages of 2e-32 grown by less than 1e3. Ruth's map alone is
-    not symmetric: there the way back is that of a method of order four."""
+    not symmetric: there the way back has the error of a method of order four."""
     out = nh.integrate("henon_heiles", method, 0.2, t_end=4, precision="extended")
     back = nh.integrate("henon_heiles", method, 0.2, t_end=-4, precision="extended", start=out)
     defect = np.abs((back.q[-1] - out.q[0]) + (back.q_low[-1] - out.q_low[0])).max()

@@ -164,7 +164,7 @@ def test_a_run_in_two_parts_has_the_bits_of_one(system, method, tau, members, ho
     names = ["q", "p", "energy_error", *(name for name in ("q_low", "p_low") if name in whole)]
     assert_same(rest.isel(sample=-1), whole.isel(sample=-1), names)
     assert_same(rest.isel(sample=0), half.isel(sample=-1), ("q", "p"))
-    # Relative to the energy of the first start, which is a double-double; that of many coordinates is a double.
+    # Relative to the energy of the first start, which is a double-double; with many coordinates it is a double.
     close = 1e-6 if whole.sizes["component"] > 8 else 1e-12
     assert rest.energy_error[0].item() == pytest.approx(half.energy_error[-1].item(), rel=close, abs=0)
     assert (rest.t[0], rest.t[-1]) == (half.t[-1], whole.t[-1])
@@ -184,7 +184,7 @@ def test_a_run_in_two_parts_has_the_bits_of_one(system, method, tau, members, ho
     ],
 )
 def test_the_energy_is_measured_when_it_was_asked_for(kind):
-    """Far above rounding, that of ten sites is measured in doubles at every step."""
+    """Far above rounding, the energy of ten sites is measured in doubles at every step."""
     system, method, tau, _, how = (KINDS | LONGER)[kind]
     each, few, none = (
         nh.integrate(system, method, tau, t_end=80 * tau, samples=9, energy=energy, **how)
@@ -230,7 +230,7 @@ def assert_bounded(case, run):
 
 
 def assert_left(run, method, errors, bounds, limit, known):
-    """A run leaves at a step at which it can leave, and not later than it must; else its errors are those of mpmath."""
+    """A run leaves at a step at which it can leave, and not later than it must; else its errors agree with mpmath."""
     left = run.diverged_at.item()
     may = np.flatnonzero(errors[: known + 1] + bounds[: known + 1] > limit)
     must = np.flatnonzero(errors - bounds > limit)
@@ -360,7 +360,7 @@ def used(name):
 
 
 def test_a_system_that_is_no_longer_used_is_freed():
-    """But for the last one, whose formulas are known until those of the next are."""
+    """Except the last one, whose formulas are known until the next formulas are."""
     known = [weakref.ref(used(name)) for name in ("one", "two", "three")]
     gc.collect()
     assert [one() is None for one in known[:2]] == [True, True]

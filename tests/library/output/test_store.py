@@ -431,7 +431,7 @@ def test_full_disk_is_one_sentence_and_no_crash_at_exit(tmp_path):
     assert store.read(place).x.size == 9000
 
 
-# --- datasets put together from described variables equal those of xarray's own constructor ---------------------------
+# --- datasets put together from described variables equal datasets of xarray's own constructor ------------------------
 
 
 VARIABLES = {

@@ -307,7 +307,7 @@ def test_derivative_that_is_constant_has_shape_of_others():
 
 
 def test_the_hessian_times_a_vector_is_known_in_closed_form():
-    """-GM/r: (1/r^3 - 3 q q^T / r^5) GM v. With a time, that of the coordinates alone."""
+    """-GM/r: (1/r^3 - 3 q q^T / r^5) GM v. With a time, the Hessian of the coordinates alone."""
     kepler = nh.systems["kepler"]
     (x, y), (u, v), GM = (mpf("1.5"), mpf("-0.5")), (mpf("0.3"), mpf(2)), mpf("1.7")
     r = mpmath.sqrt(x * x + y * y)

@@ -77,7 +77,7 @@ def test_one_text_serves_floats_arrays_mpmath_and_double_double():
 
 @pytest.mark.parametrize("given", [("2", "1/3", "5"), MATRIX])
 def test_a_linear_chain_moves_in_its_normal_modes(given):
-    """q(t) = sum of modes of K v = w^2 M v; errors are those of rounding, and of the modes in doubles."""
+    """q(t) = sum of modes of K v = w^2 M v; errors come from rounding, and from the modes in doubles."""
     made = masses(given)
     M = np.diag([2, 1 / 3, 5]) if given is not MATRIX else np.array([[2, 0.5, 0], [0.5, 1, 1 / 3], [0, 1 / 3, 3]])
     K = 2 * np.eye(3) - np.eye(3, k=1) - np.eye(3, k=-1)

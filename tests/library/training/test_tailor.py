@@ -20,7 +20,7 @@ from nearharmonic.training.question import contenders, orbit_of, question, regis
 
 @pytest.fixture(scope="module")
 def problems():
-    """(starts of the search, those of the test, published methods, step sizes, their errors) of a window."""
+    """(starts of the search, starts of the test, published methods, step sizes, their errors) of a window."""
     asked = question("henon_heiles", window="0.1:0.15")
     first, second = tailor.ensembles(asked, orbit_of(asked.system))
     methods = [one for one in published(registered(asked.system)) if not one.modified]

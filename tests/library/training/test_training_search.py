@@ -133,7 +133,7 @@ def test_screened_starts_continue_if_short_descents_end_near_best():
     assert share == 4
     # Each of the three had a quarter of the trials on a quarter of the problems.
     assert 3 * 100 <= part.trials <= 3 * 120
-    # A trial is that of all problems.
+    # A trial counts as one on all problems.
     assert objective.trials - findings.trials == pytest.approx(part.trials / 4, abs=3)
 
 

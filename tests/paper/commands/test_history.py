@@ -14,7 +14,7 @@ from support.results.result_folder import history_line, run_id
 
 @pytest.fixture
 def project(tmp_path, monkeypatch):
-    """Two results with two runs each, that of the other between those of the paper."""
+    """Two results with two runs each: one run of the other result is between the runs of the paper."""
     monkeypatch.chdir(tmp_path)
     for name, lines in {
         "paper": [

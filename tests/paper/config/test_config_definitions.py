@@ -257,7 +257,7 @@ def test_what_a_config_defined_is_forgotten_by_the_next():
     load(CONFIG)
     with refused("unknown integrator"):
         load(CONFIG | {"integrators": ["rut"]})
-    assert "mine" in nh.systems  # that of the last config that was sound
+    assert "mine" in nh.systems  # from the last config that was sound
 
 
 def test_the_shipped_example_is_sound():

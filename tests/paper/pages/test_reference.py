@@ -1,4 +1,4 @@
-"""Reference and developers' pages: lists, generated pages, the map and the version are those of the code."""
+"""Reference and developers' pages: lists, generated pages, the map and the version agree with the code."""
 
 import contextlib
 import inspect
@@ -16,7 +16,7 @@ from nearharmonic import cli
 from nearharmonic.cli import main
 from support.results.stated_numbers import ROOT
 
-# --- lists of docs/reference: signatures, commands, statuses, dimensions and variables are those of the code ----------
+# --- lists of docs/reference: signatures, commands, statuses, dimensions and variables agree with the code ------------
 
 
 NAMES = (ROOT / "docs/reference/api.md").read_text(encoding="utf-8")

@@ -250,7 +250,7 @@ def test_shown_step_is_taken_and_its_error_is_drawn(wide, system, q, p):
 
 
 def test_panel_c_is_seen_to_leave_its_energy_surface(wide):
-    """At iteration 52, as the paper's panel (C) with this method, step and start does; that of panel (D) stays."""
+    """At iteration 52, as the paper's panel (C) with this method, step and start does; the orbit of panel (D) stays."""
     section, step = at_rest(wide, "henon_heiles")
     for _ in range(53):
         step()

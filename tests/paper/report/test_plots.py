@@ -91,7 +91,7 @@ def test_interval_of_advance_is_bar_around_its_point(results, plots):
 
 
 def test_errors_near_floor_of_potential_have_it_beside_them():
-    """The cube of a spring of numba: its errors are those of a sweep down to rounding."""
+    """The cube of a spring of numba: its errors come from a sweep down to rounding."""
     near = nh.sweep(springs(), "babs7o7h", [1e-3, 1e-2, 1e-1])
     far = nh.sweep(springs(), "leapfrog", [0.1, 0.2])
     for runs, count in ((near, 1), (far, 0)):

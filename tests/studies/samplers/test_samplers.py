@@ -137,7 +137,7 @@ def test_autocorrelation_time_is_that_of_an_autoregressive_chain(correlation):
 
 
 def test_as_many_lags_are_formed_as_the_sums_need():
-    """With and without each chain the time is that of all lags, to rounding."""
+    """With and without each chain the time is the same as with all lags, to rounding."""
     for correlation, fewer in ((0.3, True), (0.995, False)):
         chains = autoregressive(np.random.default_rng(6), correlation, (6, 3000))
         found, every = targets.enough(chains), targets.covariances(chains)

@@ -152,7 +152,7 @@ def test_a_walk_stays_on_its_family_and_lowers_the_criterion():
     assert max(map(abs, equations.residuals(list(map(mpf, after.unknowns))))) < 1e-10
 
 
-# --- Methods of the search for order six: its criterion is that of other modules, its digits solve the equations.
+# --- Methods of the search for order six: its criterion agrees with other modules, its digits solve the equations.
 
 NAMES = [tableau.name for tableau in TABLEAUS]
 EVERY = pytest.mark.parametrize("name", NAMES)

@@ -389,7 +389,7 @@ def test_strength_is_rms_change_of_bonds_in_equilibrium():
     for i in range(ensemble.size):
         squares, modes = phonons(w[i], k[i])
         coordinates, momenta = (modes[:, 1:].T @ x[i] for x in (q, p))
-        # Equilibrium at a temperature: the covariance of the bonds is that of the modes, temperature over squares.
+        # Equilibrium at a temperature: the covariance of the bonds follows from the modes', temperature over squares.
         changes = np.roll(w[i][:, None] * modes[:, 1:], -1, axis=0) - w[i][:, None] * modes[:, 1:]
         root = ensemble.strength[i] / sqrt(np.mean(changes**2 @ (1 / squares[1:])))
         shares += [*(coordinates * np.sqrt(squares[1:]) / root), *(momenta / root)]

@@ -1,7 +1,7 @@
 """Differences of colours in CIELAB, for normal vision and the three kinds of dichromacy.
 
-The matrices are those of Machado, Oliveira and Fernandes (2009), doi:10.1109/TVCG.2009.113, at severity 1, on linear
-RGB; CIELAB (1976) is that of the white D65.
+The matrices are from Machado, Oliveira and Fernandes (2009), doi:10.1109/TVCG.2009.113, at severity 1, on linear
+RGB; CIELAB (1976) has the white D65.
 """
 
 import numpy as np

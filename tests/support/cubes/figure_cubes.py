@@ -65,7 +65,7 @@ LONELY = {1: np.inf, 3: np.nan, 5: 0.0, 9: np.inf, 11: 0.0, 15: 20.0, 20: np.inf
 def advances(methods=METHODS):
     """Perihelion advances of either sign: twelve beyond their interval, one equal to it, the rest below or no number.
 
-    The period is not that of Mercury, so that it must be read.
+    The period is not Mercury's, so that it must be read.
     """
     shape = (len(methods), TAU.size)
     advance = powers(*shape, seed=3) * np.where(np.arange(TAU.size) % 2, 1, -1)

@@ -1,4 +1,4 @@
-"""Small cubes made by hand for the figures of the stress tests, as those of ``figure_cubes``."""
+"""Small cubes made by hand for the figures of the stress tests, as in ``figure_cubes``."""
 
 import numpy as np
 import xarray as xr

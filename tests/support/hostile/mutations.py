@@ -20,7 +20,7 @@ ODD_ATTRIBUTES = (
     '{"sweep": {"system": 1}}', '{"definitions": {"systems": {"kepler": {"file": "evil.py"}}}}', '{"definitions": 1}',
     '{"definitions": {"systems": 1}}', "evil.py", np.arange(3), np.array([b"x", b"y"]), np.array(True),
 )  # fmt: skip
-#: Settings in an attribute that are not those of a job.
+#: Settings in an attribute that no job has.
 ODD_SETTINGS = (
     "[" * 3000, "[]", "1", '{"sweep": 1}', '{"sweep": {}, "definitions": 1}', '{"a": ' * 900 + "1" + "}" * 900,
     '{"definitions": {"systems": {"kepler": 1}}}', '{"sweep": {"samples": [1]}}',

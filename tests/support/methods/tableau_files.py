@@ -1,4 +1,4 @@
-"""Files of coefficients from elsewhere, each with its source: published ones, those of libraries, and damaged ones."""
+"""Files of coefficients from elsewhere, each with its source: published, from libraries, or damaged."""
 
 from functools import cache
 from pathlib import Path

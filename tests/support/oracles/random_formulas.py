@@ -87,7 +87,7 @@ def written(tree, q):
 
 def mpmaths(name):
     """mpmath's real function of the name that formulas know it by."""
-    if name == "cbrt":  # that of a negative number is complex in mpmath
+    if name == "cbrt":  # the root of a negative number is complex in mpmath
         return lambda x: mp.sign(x) * mp.cbrt(abs(x))
     return getattr(mpmath, "power" if name == "pow" else name)
 
@@ -95,7 +95,7 @@ def mpmaths(name):
 def truth(tree, q, bounds=NONE):
     """Value in mpmath, and a bound on the error of a computation whose operations have the relative errors ``bounds``.
 
-    Formulas that come near where they are not analytic, and those of large values, are left out.
+    Formulas that come near where they are not analytic, and formulas of large values, are left out.
     """
     if isinstance(tree, int):
         return q[tree], mpf(0)

@@ -17,7 +17,7 @@ def normal(name):
 
 
 def of_extra(extra):
-    """Requirements of an extra, with those of the extras that it names, without those of the library."""
+    """Requirements of an extra and of the extras that it names, without requirements of the library."""
     every = [Requirement(text) for text in EXTRAS[extra]]
     inner = [name for one in every if one.name == PROJECT["name"] for name in sorted(one.extras)]
     return [one for one in every if one.name != PROJECT["name"]] + [one for name in inner for one in of_extra(name)]

@@ -13,7 +13,7 @@ import resource
 import runpy
 import sys
 
-#: Nothing of the package: each command loads that of its own folder.
+#: Nothing of the package: each command loads the package of its own folder.
 LOADED = (
     "docutils.core", "jinja2", "mpmath", "nbformat", "numpy", "pydantic.dataclasses", "requests", "smart_open",
     "snakemake.cli", "snakemake.report.html_reporter", "snakemake.script", "yte",

@@ -12,7 +12,7 @@ DECOMPOSED = ("aba864", "babs7o7h")
 ON_CRYSTALS = ("leapfrog", "bcss_s4", "babs7o7h", "trained_light")
 SAMPLING = ("leapfrog", "bcss_s4", "babs7o7h")
 SYSTEMS = ("sho", "henon_heiles", "kepler")
-#: Intervals of the systems that structure is measured on: those of the tiny config, or the systems' own.
+#: Intervals of the systems that structure is measured on: from the tiny config, or the systems' own.
 STRUCTURE_T_END = {
     name: system.t_end
     for name, system in systems.items()

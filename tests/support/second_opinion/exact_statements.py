@@ -31,7 +31,7 @@ def only_solution_of_eq_14() -> Opinion:
         return second, 24 * c * d * (2 * c * d1 + 2 * c2 * d1 + c2 * d) - 1
 
     # Polynomials of degree 3 or less in c and in d that are equal at 4 x 4 points are equal. As Eq. 14 forbids c d = 0,
-    # a solution has d = (1 - c) / 2, and the second residual is then that of a cubic.
+    # a solution has d = (1 - c) / 2, and the second residual is then a cubic's.
     points = [Fraction(n) for n in range(1, 5)]
     a, b, e, f = cubic = (6, -12, 6, -1)
     reduced = all(
@@ -56,7 +56,7 @@ def general_criteria_of_eq_16() -> Opinion:
 
 
 def inner_limit_of_table_3() -> Opinion:
-    """Compare the sum as printed, to h - 1, and that of Eq. 16, to h, with products of shears of random fractions."""
+    """Compare the printed sum, to h - 1, and the sum of Eq. 16, to h, with products of shears of random fractions."""
     random = Random(1501)
 
     def sums(kicks: list[Fraction], drifts: list[Fraction]) -> list[tuple[Fraction, Fraction, Fraction]]:

@@ -8,7 +8,7 @@ from fractions import Fraction
 
 import nearharmonic as nh
 
-#: Smallest and largest step size over the stages, and spread of initial values about those of the system.
+#: Smallest and largest step size over the stages, and spread of initial values about the system's.
 STEP_SIZES = {
     "sho": (0.02, 0.6),
     "henon_heiles": (0.02, 0.6),

@@ -1,6 +1,6 @@
 """Damage to a file of finished results, and what each reader says of it in a process of its own.
 
-A case ends well if each answer is that of the sound results or a part of it, one sentence, or names the damage.
+A case ends well if each answer is the sound results' answer or a part of it, one sentence, or names the damage.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ In a config it is an entry of systems:
 
 from nearharmonic import Parameter, System
 
-# Formulas take sin, cos, exp, log and others from nearharmonic.math; those of math and numpy are errors.
+# Formulas take sin, cos, exp, log and others from nearharmonic.math; functions of math and numpy raise errors.
 # from nearharmonic.math import cos
 
 

@@ -21,7 +21,7 @@ from nearharmonic.core.values import DOUBLE, INDEX, LLVMValue
 
 #: (arguments, results): one row of doubles for each part of an argument or result.
 ELEMENTWISE = Signature((floats("arguments", "rows", "count"), floats("results", "results_rows", "count")))
-#: Beginning of the names of compiled functions, which are others than those of the C library.
+#: Prefix of the names of compiled functions: it separates them from names of the C library.
 PREFIX = "nearharmonic_"
 #: Lanes in which arrays are evaluated.
 LANES = 8

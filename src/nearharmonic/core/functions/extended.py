@@ -258,8 +258,8 @@ def _exponent_of_power(logarithm: Triple, y: Pair) -> Triple:
     """Return y times a logarithm in three parts.
 
     An exponent y above 2^900 is multiplied by 2^-100 and the logarithm by 2^100, up to a size at which the result is
-    certainly out of range. Nothing overflows, and small logarithms, down to that of 1 and a low half, keep their
-    digits.
+    certainly out of range. Nothing overflows, and small logarithms, down to the logarithm of 1 and a low half, keep
+    their digits.
     """
     huge = y[0].absolute().at_least(2.0**900)
     shrunk, grown = (huge.choose(factor, y[0].constant(1.0)) for factor in (2.0**-100, 2.0**100))

@@ -73,7 +73,7 @@ class Root:
 class IsolatedSolutions:
     """The real solutions of one case, sorted by the sum of the absolute values of the coefficients.
 
-    ``complex_solutions`` is the exact number of complex solutions, and ``real_solutions`` that of the real ones, by
+    ``complex_solutions`` is the exact number of complex solutions, and ``real_solutions`` of real solutions, by
     Sturm's theorem; None without elimination. ``complete``: this number of distinct solutions was proved, so that no
     solution is missing, with coefficients of any size. Otherwise the roots are those that the search found from its
     ``box``, with no unknown above ``bound``. ``unfinished`` describes each candidate that was not refined to its digits
@@ -136,8 +136,8 @@ def reach(
 ) -> list[Reach]:
     """Find the largest harmonic order for each number of stages; ``known`` are solved cases of order s + 1, by stages.
 
-    Order s + 1 determines all unknowns. If it has real solutions, a higher order could only be that of one of them; if
-    it has none, order s is tried.
+    Order s + 1 determines all unknowns. If it has real solutions, only one of them could have a higher order; if it
+    has none, order s is tried.
     """
     results = []
     for s in stages:

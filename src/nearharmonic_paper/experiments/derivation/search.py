@@ -472,7 +472,7 @@ Rows = tuple[Sequence[str], Sequence[str]]
 #: A simplex has collapsed if its values agree to this number of bits.
 COLLAPSED_BITS = 12
 #: Inverse of the edges of a new simplex, and maximum ratio of edges to objective: with conditions as badly scaled as
-#: those of the sets in Table 4, a solution is within this multiple of the objective.
+#: for the sets in Table 4, a solution is within this multiple of the objective.
 LONGEST_EDGE, EDGE_FACTOR = 20, 10_000
 #: Random starts are uniform in [-BOX, BOX].
 BOX = 1.0

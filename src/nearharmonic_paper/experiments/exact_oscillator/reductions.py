@@ -68,7 +68,7 @@ def crossings(runs: xr.Dataset) -> xr.Dataset:
         ("crossing", "an integrator that splits into T and V"),
         ("best_crossing", "the best integrator that splits into T and V, chosen at each energy"),
     ):
-        text = f"energy H up to which the median error with the exact oscillator is below that of {what}"
+        text = f"energy H up to which the exact oscillator has a smaller median error than {what}"
         interval = f"{text}: {CONFIDENCE:.0%} interval by resampling the trajectories"
         found[name] = found[name].assign_attrs(described(f"{text}; 0 if never, inf if always"))
         found[f"{name}_interval"] = bounds[name].assign_attrs(described(interval))
@@ -92,7 +92,7 @@ def crossings_of_medians(runs: xr.Dataset) -> xr.Dataset:
 def crossing(logarithms: Floats, energies: Floats) -> Floats:
     """Return the energies (...) up to which the error with the exact oscillator is smaller.
 
-    ``logarithms`` (..., E) are those of its error over that of the other method, at each of the ascending ``energies``.
+    ``logarithms`` (..., E): log of its error over the other method's error, at each of the ascending ``energies``.
     The result is the first energy at which the logarithm exceeds 0, interpolated in the logarithm of the energy; 0 if
     it exceeds 0 at the first energy, infinite if it never does.
     """
@@ -208,7 +208,7 @@ def measure_times(cube: str, exact: Sequence[str], settings: ExactOscillatorSett
 
 
 def crossing_at(cube: xr.Dataset, name: str, tau: float, charge: float) -> float:
-    """Return the energy of crossing with the best T + V method at a charge between those of the cube.
+    """Return the energy of crossing with the best T + V method at a charge between two charges of the cube.
 
     It is interpolated in the logarithm if both neighbours have a crossing; otherwise it is the smaller one.
     """

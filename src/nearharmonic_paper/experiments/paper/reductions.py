@@ -1,6 +1,6 @@
 """Reductions of runs: an ``xarray.Dataset`` of the runs of one method on one system in, numbers for the cube out.
 
-A reduction is a function below ``@reduction(...)``, which names the variables that it needs: those of a run file, over
+A reduction is a function below ``@reduction(...)``, which names the variables of a run file that it needs, over
 (tau_per_stage, sample, component). Attributes of the dataset name ``system`` and ``integrator``. With
 ``over="tau_per_stage"`` a reduction takes the whole curves of the cube instead.
 No integration depends on this module, except one that keeps reduced numbers alone.
@@ -137,7 +137,7 @@ def numbers_of(system: str, paths: Iterable[str]) -> xr.Dataset:
     for path in paths:
         for precision, runs in store.read_precisions(path, leave_out=_left_out(system)).items():
             if "precision" in runs.dims:
-                return runs  # those of all files of a method
+                return runs  # runs of all files of a method
             shards.setdefault(precision, []).append(numbers(runs))
     for parts in shards.values():  # each has increasing step sizes
         parts.sort(key=lambda runs: runs.tau_per_stage.values.tolist())

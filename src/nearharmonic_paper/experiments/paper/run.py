@@ -123,7 +123,7 @@ def _cost(sweep: Sweep, count: int) -> Decimal:
 def _evaluations(sweep: Sweep, count: int) -> Decimal:
     """Return about how many force evaluations one method takes with the ``count`` smallest step sizes.
 
-    Those of a method of s stages are t_end / (tau / s), whatever the method: those of neighbours have a fixed ratio.
+    A run of a method of s stages takes t_end / (tau / s); runs with neighbouring step sizes have a fixed ratio.
     """
     (ratio,) = decades(1.0, -sweep.points_per_decade, 1, 2)
     (left,) = decades(1.0, -sweep.points_per_decade, count, count + 1)
@@ -345,7 +345,7 @@ def _distinct(cube: xr.Dataset) -> Any:
 
 #: Auxiliary coordinates of a run file.
 COORDINATES = ("t",)
-#: The variables of runs; and what completes those of an earlier plan with what such a function returns for the others.
+#: Function that returns variables of runs; and one that takes runs from an earlier plan and the others from the first.
 Integration = Callable[[Run], Variables]
 Completion = Callable[[Run, Integration], Variables]
 

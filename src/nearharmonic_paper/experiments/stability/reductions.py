@@ -379,7 +379,7 @@ def relative_error(runs: xr.Dataset) -> xr.DataArray:
     """Errors over the yardstick's at the same amplitude; NaN if that is not among the methods."""
     errors = runs.max_energy_error.sel(tau_per_stage=COMPARED_AT, method="nearest", drop=True)
     yardstick = errors.reindex(integrator=[YARDSTICK]).sel(integrator=YARDSTICK, roles="own", drop=True)
-    text = f"max_energy_error at tau/s = {COMPARED_AT:g} over that of {YARDSTICK} in its own roles"
+    text = f"max_energy_error at tau/s = {COMPARED_AT:g} over its value for {YARDSTICK} in its own roles"
     return _described(errors / yardstick.reset_coords(drop=True), text)
 
 
@@ -431,8 +431,8 @@ DOUBLE_DOUBLE_ROUNDOFF = 2.0**-104
 _exact = np.frompyfunc(Fraction, 1, 1)
 
 
-#: Variables of a method on a system, and their meaning. The interval of the trend assumes independent blocks: those of
-#: a chaotic orbit are dependent, and its trend may exceed the interval two or three times.
+#: Variables of a method on a system, and their meaning. The interval of the trend assumes independent blocks: blocks
+#: of a chaotic orbit are dependent, and its trend may exceed the interval two or three times.
 MEASURED = {
     "growth": "root mean square over the run of the tangent map's norm",
     "return_error": "distance from the start after the run and the run back, compensated summation; NaN if asymmetric",

@@ -160,13 +160,13 @@ MEANINGS = {
     "tau": ((), "step size, in the system's unit of time"),
     "scale": (("component",), "power of two next to the largest |q| or |p|, in the system's units"),
     "state": (_STATES, "states of the run forwards, and of the run back from its end, in units of scale"),
-    "state_low": (_STATES, "digits below those of state"),
+    "state_low": (_STATES, "low part of state"),
     "rate": (("component", "sample"), "dq/dt and dp/dt of the compensated run forwards, in units of scale and of time"),
     "neighbour": (
         ("axis", "offset", "sample", "component"),
-        "states begun beside those of the run forwards, in double-double, in units of scale",
+        "states of runs that start beside the run forwards, in double-double, in units of scale",
     ),
-    "neighbour_low": (("axis", "offset", "component"), "digits below those of neighbour at the end"),
+    "neighbour_low": (("axis", "offset", "component"), "low part of neighbour at the end"),
     "long_steps": ((), "steps of the long run"),
     "energy_error": (("block",), "mean of (H - H0)/|H0| over all steps of each block of the long run"),
     "power": ((), "root mean square over the long run of |dT/dp dV/dq|/|H0|, in the inverse of the unit of time"),
@@ -182,7 +182,7 @@ def conservation_measure(system: str, integrators: Sequence[str], t_end: str) ->
 def structure_runs(system: System, tableaus: Sequence[Tableau], t_end: Fraction) -> Variables:
     """Integrate a system from its own initial values at t_end / 10^4 per stage with each method that fits it.
 
-    Methods that need a quadratic T are omitted if T is not quadratic. The variables are those of :data:`MEANINGS`, NaN
+    Methods that need a quadratic T are omitted if T is not quadratic. The variables are as in :data:`MEANINGS`, NaN
     after the last sample of a run.
     """
     kept = [tableau for tableau in tableaus if tableau.requires is None or system.quadratic_kinetic_energy]
@@ -438,7 +438,7 @@ def kinetic_energy_measure(integrators: Sequence[str]) -> dict[str, Contents]:
 ECCENTRICITY = (0.05, 0.3)
 #: Number of stored states of a run, evenly spaced, and number of compared times among them, evenly spaced in log t.
 ROUNDING_SAMPLES, TIMES = 2000, 60
-#: Digits of the differences: more than those of double-double.
+#: Digits of the differences: more than double-double has.
 DIGITS = 50
 #: Scale of the second run in double-double: the square of an integer that is no power of two.
 SCALE_ROOT = 3

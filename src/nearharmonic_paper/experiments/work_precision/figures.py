@@ -101,7 +101,7 @@ def points_of(curve: xr.Dataset, measure: str, mode: str = "trajectory") -> tupl
 
 
 def _draw(axes: Axes, curves: Sequence[xr.Dataset], measure: str, mode: str = "trajectory", broad: str = "") -> None:
-    """Draw curves, that of the solver ``broad`` as a broad line."""
+    """Draw curves, the curve of the solver ``broad`` as a broad line."""
     for position, curve in enumerate(curves):
         x, y = points_of(curve, measure, mode)
         every = mark_every(position, len(curves), y, marks=7)

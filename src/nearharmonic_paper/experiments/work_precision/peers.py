@@ -53,7 +53,7 @@ class Attempt:
     ``run``: timed call for one trajectory from start to end; it returns an object with the final state, without
     energies. ``path``: returns the states (n + 1, 2 d) at the solver's own steps, including the start, and the number
     of force evaluations (NaN if unknown). ``lanes``: timed call in SIMD lanes: ``members`` trajectories at once, each
-    equal to that of ``run``; None if the Python interface of the library has no lanes. ``members``: number of
+    equal to the trajectory of ``run``; None if the Python interface of the library has no lanes. ``members``: number of
     trajectories in a call of ``lanes``.
     """
 
@@ -177,7 +177,7 @@ def _compiled_rhs(system: System, arguments: str) -> Callable[..., States]:
 # :class:`nearharmonic.systems.formulas.RegularisedFormulas`, and t' = |u|^2. heyoka's tolerance is relative to
 # the largest component of the state, so t is scaled by ``t_end``. w = -H is a constant, not a component. Two choices
 # favour heyoka. The fictitious time at which t = ``t_end`` is computed before the timing, by dense output and Newton's
-# method. The timed run ends with (u, v, t), without the map to q and p. Errors are those of q and p.
+# method. The timed run ends with (u, v, t), without the map to q and p. Errors refer to q and p.
 
 TAYLOR_TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13, 1e-15)
 #: Number of doubles in a batch: a register of AVX-512.
@@ -314,7 +314,7 @@ def _fictitious_end(solver: Any) -> float:
 #
 # Its own gravity in C for V = -GM/|q|, other forces as C functions compiled by numba.
 #
-# IAS15 is that of Rein & Spiegel (2015), doi:10.1093/mnras/stu2164. WHFast is omitted: for two bodies it uses the
+# IAS15 is by Rein & Spiegel (2015), doi:10.1093/mnras/stu2164. WHFast is omitted: for two bodies it uses the
 # closed form of the ellipse. A force in Python instead of C would dominate the time: the leapfrog of order 8 would take
 # about a hundred times as long.
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 # --- Errors of the solvers of other libraries over their settings -----------------------------------------------------
 #
-# Adaptive solvers are given tolerances, the others step sizes. The time is that of a run from start to end in a user's
+# Adaptive solvers are given tolerances, the others step sizes. The time is for a run from start to end in a user's
 # code; errors come from a second run with the states at the solver's own steps. Energies are computed in double
 # precision, so errors below 1e-15 are only upper bounds.
 

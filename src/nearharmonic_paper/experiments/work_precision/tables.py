@@ -19,14 +19,14 @@ HOW = (
     "Read off each curve of least wall time against error: between the last step size or tolerance above the target "
     "and the first at or below it for good, by a straight line through the logarithms. '<=' marks a method whose "
     "coarsest setting is good enough already; '-' one that does not reach the target in the range that was run. Time "
-    "is that of a whole call of a prepared problem or solver that returns the final state of one trajectory; 'lanes' "
-    "is that of a whole call for an ensemble on one thread, or for a batch of another library, per trajectory, for the "
+    "is for a whole call of a prepared problem or solver that returns the final state of one trajectory; 'lanes' is "
+    "the time per trajectory of a whole call for an ensemble on one thread, or for a batch of another library, for the "
     "methods that are among the fastest. Energies are measured outside of these calls. Names in italics are other "
     "libraries, as their users use them."
 )
 #: A line of the CSV table: a method, an error, and what it costs, by column.
 Row = Mapping[str, str | int | float]
-#: Modes of timing beside that of one trajectory.
+#: Modes of timing, besides one trajectory.
 MORE = ("lanes", "energy")
 
 
@@ -158,7 +158,7 @@ CAPTION = (
     "method of this package beside heyoka as a user gets it, and beside the fastest of all others, a plain loop in "
     "C among them. Other libraries integrate the original equations of a regularised system, and heyoka the "
     "regularised ones too. All read off curves of time against error, by a straight line through the logarithms "
-    "between two settings. Ratios of least times; ratio_of_medians is that of medians."
+    "between two settings. Ratios of least times; ratio_of_medians is the ratio of medians."
 )
 
 
@@ -215,7 +215,7 @@ def pairs(
 ) -> tuple[list[Pair], dict[str, object]]:
     """Return the measurements on each system, from the path of the cube of times, and the properties of the machine.
 
-    ``quartile`` is that of the times, one of :data:`~nearharmonic.numerics.clock.QUARTILES`, and ``measure`` the error,
+    ``quartile`` of the times is one of :data:`~nearharmonic.numerics.clock.QUARTILES`, and ``measure`` of the error
     a key of :data:`~nearharmonic.recommendation.measure.MEASURES`; systems without it are omitted.
     """
     measured: dict[str, tuple[str, Sequence[xr.Dataset]]] = {}

@@ -235,7 +235,7 @@ sys.meta_path.insert(0, Absent())
 
 
 def names(of=None):
-    """Modules of extras that these tests hide: those of the workflow alone, without those of figures, or of ``of``."""
+    """Modules of extras that these tests hide: of the workflow without modules of figures, or of ``of``."""
     # matplotlib needs contourpy; pillow has another name as a module.
     words = names_of(of_extra(of)) if of else names_of(of_extra("workflow")) - names_of(of_extra("figures"))
     return {"yaml" if word == "pyyaml" else word.replace("-", "_") for word in words} - {"contourpy"}

@@ -54,7 +54,7 @@ def commutator(letters):
 
 
 def to_commutators():
-    """The matrix that turns coefficients of Lyndon words into those of COMMUTATORS."""
+    """The matrix that turns coefficients of Lyndon words into coefficients of COMMUTATORS."""
     return inverse(matrix([[commutator(c).get(word, 0) for c in COMMUTATORS] for word in LYNDON_5]))
 
 

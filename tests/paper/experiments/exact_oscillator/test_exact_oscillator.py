@@ -35,7 +35,7 @@ def test_starts_lie_on_the_bounded_part_of_their_energy_surface(energy):
 
 
 def test_small_surfaces_are_filled_as_a_disc_is():
-    """On small surfaces V is that of the oscillator: r^2 is uniform up to 2 H, and so is the angle, to 1/sqrt(n)."""
+    """On small surfaces V is the oscillator's: r^2 is uniform up to 2 H, and so is the angle, to 1/sqrt(n)."""
     starts = starts_on(1e-6, 4096, 1)
     share = np.sort((starts[:, 0] ** 2 + starts[:, 1] ** 2) / 2e-6)
     assert np.abs(share - (np.arange(4096) + 0.5) / 4096).max() < 1 / 64

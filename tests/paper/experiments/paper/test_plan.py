@@ -61,7 +61,7 @@ def test_shards_share_the_grid_without_gap_or_overlap(count):
 
 @pytest.mark.parametrize("points_per_decade", [40, 25_000, 250_000])
 def test_part_of_a_grid_is_that_of_the_whole(points_per_decade):
-    """The step sizes are computed as products of two powers; those of one at a time are powers."""
+    """The step sizes are computed as products of two powers; one at a time is a power."""
     begin, end = 3 * points_per_decade - 5, 3 * points_per_decade + 5
     part = tau_range(1e-4, points_per_decade, begin, end)
     assert part == tuple(tau_range(1e-4, points_per_decade, i, i + 1)[0] for i in range(begin, end))

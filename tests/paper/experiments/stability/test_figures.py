@@ -170,7 +170,7 @@ def test_exponents_stand_in_row_of_their_method_with_their_intervals():
         assert list(law.get_xdata()) == [exponent, exponent]
 
 
-# --- Maps of the stress tests: the colour at each place of the picture is that of the number that belongs there.
+# --- Maps of the stress tests: the colour at each place of the picture shows the number that belongs there.
 
 
 #: A colour of the picture has 8 bits a channel, a colour map 256 entries.
@@ -180,7 +180,7 @@ GREY = np.full(3, 0xB8 / 255)
 
 
 def shade(colours, value, low, high):
-    """The colour of a decimal logarithm between those of ``low`` and ``high``."""
+    """The colour of a decimal logarithm between the colours of ``low`` and ``high``."""
     return np.array(colormaps[colours]((np.log10(value) - np.log10(low)) / (np.log10(high) - np.log10(low)))[:3])
 
 
@@ -248,7 +248,7 @@ def test_colour_bar_of_ensembles_is_that_of_every_map(henon_heiles):
 
 
 def assert_decades(limits, places, lowest, images):
-    """A colour bar from 10^lowest to 1 has a tick at each second decade, and its limits are those of the maps."""
+    """A colour bar from 10^lowest to 1 has a tick at each second decade, and the limits of the maps."""
     assert limits == pytest.approx((lowest, 0), abs=1e-12)
     assert places == {rf"$10^{{{k}}}$": pytest.approx(k, abs=1e-12) for k in range(lowest, 1, 2)}
     assert [image.get_clim() for image in images] == [limits] * len(METHODS)

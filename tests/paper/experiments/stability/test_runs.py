@@ -464,7 +464,7 @@ def test_the_defect_sees_degrees_of_freedom_that_are_mixed_up():
 def test_every_method_keeps_the_structure_to_rounding_and_no_better(system, name):
     tableau = integrators[name]
     found = structure(systems[system], tableau, t_end=systems[system].t_end)
-    # A matrix of determinant 1 has a norm of 1 or more; the tangent map is that of the flow but for the method's error.
+    # A matrix of determinant 1 has a norm of 1 or more; the tangent map is the flow's but for the method's error.
     assert found.growth > 0.999
     updates = found.steps * systems[system].dimension * (2 * tableau.stages + 1)
     for prefix in ("", "plain_"):

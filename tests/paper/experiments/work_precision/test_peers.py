@@ -86,7 +86,7 @@ def test_energy_errors_are_taken_over_every_state_but_the_first():
 def test_the_written_velocity_is_hamiltons():
     for system in systems.values():
         if system.regularisation is not None:
-            continue  # whose equations are those of other coordinates
+            continue  # its equations have other coordinates
         d = system.dimension
         q, p = (tuple(0.3 + 0.1 * i + shift for i in range(d)) for shift in (0.0, 0.5))
         constants = [float(Fraction(parameter.value)) for parameter in system.parameters.values()]

@@ -194,7 +194,7 @@ def solvers():
 
 
 def written(path, measures, **groups):
-    """``path`` of a cube of systems, each with its measures or those of all, and its solvers."""
+    """``path`` of a cube of systems, each with its measures or the measures of all, and its solvers."""
     problems = {name: {"system": name, "t_end": "20", "measures": measures.get(name, ["max"])} for name in groups}
     facts = {**FACTS, "libraries": "heyoka 7", "problems": json.dumps(problems)}
     store.write(path, {}, facts, groups={name: variables(found, "s") for name, found in groups.items()})
@@ -270,7 +270,7 @@ def test_positions_are_compared_where_they_were_of_interest(tmp_path):
     path = written(tmp_path / "times.h5", {"sho": ["max", "position"]}, sho=solvers(), kepler=solvers())
     rows = [row for row in rows_of(path, ("sho", "kepler")) if row["measure"] == "position"]
     assert {row["system"] for row in rows} == {systems["sho"].label}
-    # timed() makes position errors ten times those of the energy: 1e-9 lies between the last two points.
+    # timed() makes position errors ten times the energy errors: 1e-9 lies between the last two points.
     one = [row for row in rows if row["compared"] == "one trajectory"]
     assert [row["error"] for row in one] == ["1e-06", "1e-09"]
     assert one[1]["ms"] == pytest.approx(1e3 * (4e-5 ** (2 / 3) * 9e-5 ** (1 / 3)), rel=1e-12)
@@ -385,7 +385,7 @@ def figure():
     return figures.work_precision_figure("toy", [("20", ("max", "mean"), toys()), ("5", ("position",), toys())], FACTS)
 
 
-#: Row of panels -> its time, its y label, and its error over that of the points.
+#: Row of panels -> its time, its y label, and its error over the error of the points.
 ROWS = (
     ("20", r"$\max\,|\Delta H/H_0|$", 1),
     ("20", r"$\mathrm{mean}\,|\Delta H/H_0|$", 0.5),
