@@ -148,7 +148,7 @@ def label(name: str) -> str:
 # --- Margins: the range of thresholds of a statement that leave its verdict unchanged. --------------------------------
 
 #: The margin of proofs, counts and comparisons of digits.
-EXACT = "exact; no threshold"
+EXACT = "exact; no numerical threshold"
 #: Successive factors of a threshold: in steps of 12 % up to ten, then by squares.
 FACTORS = (*(10 ** (k / 20) for k in range(1, 21)), *(10.0**2**k for k in range(1, 8)))
 

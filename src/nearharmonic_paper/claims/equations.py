@@ -64,9 +64,10 @@ DOUBLE = 1e-14
     sentence="Eq. 6 yields significantly larger truncation errors than Eq. 5 and is therefore not suitable for "
     "practical implementation",
     statement="Eq. 6 yields significantly larger errors than Eq. 5 and is not suitable for practical implementation",
-    threshold="the largest energy error of Eq. 6 is at least ten times the largest energy error of Eq. 5. Both compute "
-    "1000 steps of BABs7o7H on the oscillator at τ/s = 0.003, in doubles without compensation. Truncation errors are "
-    f"below rounding there. {NOT_SUITABLE.words}. {SIGNIFICANTLY.brief}. The paper calls rounding truncation",
+    threshold="the largest energy error of Eq. 6 is at least ten times the largest energy error of Eq. 5. Both are "
+    "used for 1000 steps of BABs7o7H on the oscillator at τ/s = 0.003, in doubles without compensation. Truncation "
+    f"errors are below rounding errors there. {NOT_SUITABLE.words}. {SIGNIFICANTLY.brief}. The paper calls rounding "
+    "errors truncation errors",
     bound=NOT_SUITABLE.number,
 )
 def eq_6_rounding(results: Results, factor: float) -> Decision:
@@ -151,8 +152,8 @@ def eq_14_only_solution(results: Results, rounded: float) -> Decision:
     sentence="splitting coefficients satisfying Eq. 10 to at least fourth order also satisfy Eq. 2 to at least fourth "
     "order",
     statement="Coefficients of fourth order on the oscillator are of fourth order for any separable H",
-    threshold="every registered symmetric method with a harmonic order of the position of 4 or more has order 4 or "
-    "more, proved in the free Lie algebra. For symmetric sets both orders require two independent conditions",
+    threshold="every registered symmetric method whose position has harmonic order 4 or more has order 4 or more, "
+    "proved in the free Lie algebra. For symmetric sets both orders require two independent conditions",
     needs=("tables/integrators.csv",),
 )
 def harmonic_four_is_four(results: Results) -> Decision:
@@ -408,7 +409,7 @@ def eq_16_general(_: Results, rounded: float) -> Decision:
     order = order_of(method, highest=5)
     value = (
         f"c = (2, -3, 2) and d₁ = 1 - √(11/48) give κ₂ = {short(second, 1)} and κ₄ = {short(fourth, 1)}, but "
-        f"κ₃ = {short(third)} and order {order}. Order four also requires ζ₃ = -1/3!"
+        f"κ₃ = {short(third)} and order {order}. The condition ζ₃ = -1/3! is missing for order four"
     )
     return either(max(second, fourth) > rounded or order >= 4, value)
 
@@ -459,7 +460,7 @@ def q_bar_below_eq_11(_: Results) -> Decision:
 @misprint(
     paper="Eq. 13",
     sentence="h₁ = ζ₀ = q_a",
-    statement="After the first substep the position is q_a, if h is the number of a substep as in Table 2",
+    statement="If h counts substeps as in Table 2, h₁ = q_a is the position after the first substep",
     threshold="the position after substep 1 is q_a, " + DRAWN,
 )
 def eq_13_h1(_: Results) -> Decision:
@@ -480,8 +481,8 @@ def eq_14_needs_sums(_: Results, rounded: float) -> Decision:
     with mp.workdps(DIGITS):
         c1, c2, d1, d2 = closed_form()
         off = max(float(abs(side - 1)) for side in eq_14(2 * c1, 2 * c2, d1 / 2, d2 / 2))
-    value = f"these coefficients solve Eq. 14 with an error of {short(off, 1)}"
-    scaled = "because c → λc and d → d/λ leave it unchanged. The paper means the two sums as well"
+    value = f"the scaled coefficients solve Eq. 14 with an error of {short(off, 1)}"
+    scaled = "because c → λc and d → d/λ leave Eq. 14 unchanged. The paper means the condition on the sums as well"
     return either(off >= rounded, f"{value}, {scaled}" if off < rounded else value)
 
 

@@ -150,7 +150,7 @@ def fig_2_kappa_7(results: Results, vanished: float) -> Decision:
 @in_figure_2(
     sentence="The largest integer value of λ with no integration error reads the SHO integration order",
     statement="The largest λ up to which all terms vanish is the harmonic order in the name of the method",
-    threshold=f"the two numbers are equal for each of the four new methods in the figures. {ZERO}",
+    threshold=f"this λ equals the order in the name for each of the four new methods in the figures. {ZERO}",
     bound=VANISHED,
 )
 def fig_2_reads_order(results: Results, vanished: float) -> Decision:
@@ -166,7 +166,7 @@ STAGE_OPTIMISED = ("yoshida_s7o6a", "s9odr6a", "s15odr8")
 @in_figure_2(
     sentence="Stage-optimized integrators of higher orders generally have rapidly diverging higher order error "
     "contributions",
-    statement="Most of Yosh s7o6 A, s9odr6a and s15odr8 have far larger terms κ than the new methods",
+    statement="Of Yosh s7o6 A, s9odr6a and s15odr8, most have far larger terms κ than the new methods",
     threshold="for more than half of Yosh s7o6 A, s9odr6a and s15odr8, the largest κ is at least ten times the largest "
     f"κ of each of the four new methods in the figures. {judging.GREATLY.words}. {judging.GENERALLY.words}",
     bound=judging.GREATLY.number,
@@ -204,7 +204,7 @@ def fig_2_large_steps(results: Results, factor: float) -> Decision:
     theirs, best = curves.errors(["yoshida_s7o6a"])[0], curves.errors(others).min(axis=0)
     asked = judging.large_steps(curves, *others)
     ratio = (theirs / best)[asked.asked]
-    value = f"ratio of its error to the smallest error {short(ratio.min(), 2)} to {short(ratio.max(), 2)}"
+    value = f"ratio of Yosh s7o6 A's error to the best error {short(ratio.min(), 2)} to {short(ratio.max(), 2)}"
     return judging.over(asked, theirs >= factor * best, value)
 
 
@@ -245,7 +245,7 @@ def henon_heiles_chaotic(results: Results, factor: float) -> Decision:
     last = cube["lyapunov_exponent"].isel(time=-1)
     exponent, regular = (float(last.sel(orbit=orbit)) for orbit in ("paper", "regular"))
     width = float(cube["lyapunov_exponent_interval"].sel(orbit="paper"))
-    until = f"up to t = {short(float(cube['time'][-1]))}, a factor e in {1 / exponent:.0f} units of time"
+    until = f"up to t = {short(float(cube['time'][-1]))} (growth by e in {1 / exponent:.0f} units of time)"
     value = f"exponent {short(exponent, 2)} ± {short(width, 2)} {until}; regular orbit {short(regular, 2)}"
     return either(exponent - width >= factor * regular, value)
 
@@ -503,7 +503,7 @@ def fig_4_intervals(results: Results, widest: float) -> Decision:
     paper="Section 4.B, paragraph on precession",
     sentence="The orbital precession advances linearly with time t",
     statement="For the ten methods the perihelion advances at the same rate in both halves of the ten years",
-    threshold="the rates of advance in the two halves differ by at most 2 %, the widest 95 % interval of a fit, "
+    threshold="the rates of advance in the two halves differ by at most 2 % (the widest 95 % interval of a fit) "
     f"{judging.range_words('one of the ten methods')}",
     bound=0.02,
     needs=KEPLER,
@@ -554,7 +554,7 @@ def figure_of_the_precession(results: Results, dot: float) -> Decision:
     "error than the maximum error",
     statement="The accumulated error is in better agreement with the average error than with the maximum error",
     threshold="the rank correlation of the advances of the ten methods with their mean errors is nearer to 1 than the "
-    f"rank correlation with their maximum errors {judging.range_words()}",
+    f"rank correlation with their maximum errors, {judging.range_words()}",
     bound=1.0,
     needs=KEPLER,
 )
@@ -599,8 +599,8 @@ DISPLACED = ("cubes/substeps_displaced.h5",)
     paper="Figure 6, caption",
     sentence="(A) (B) and (D) show stable integrations which preserve H indefinitely",
     statement="(A), (B) and (D) are stable; (D) starts in the plane q_x = p_x = 0, as in the caption",
-    threshold="(A) and (B) are stable for ever, because τ = π/4 is below the proved linear limits of both methods, and "
-    "in runs of 1000 iterations. (D) is stable in 100000 iterations, with compensated sums and with plain sums. "
+    threshold="(A) and (B) are stable in 1000 iterations. They are stable for ever: τ = π/4 is below the proved linear "
+    "limits of both methods. (D) is stable in 100000 iterations, with compensated sums and with plain sums. "
     f"{judging.STABLE.words}",
     needs=DISPLACED,
 )

@@ -117,11 +117,11 @@ def _outperforms(names: Sequence[str], system: str, results: Results, ratio: flo
         every += counts
         best = int((new.min(axis=0) < old)[asked.asked].sum())
         listed = ", ".join(f"{label(name)} {count}" for name, count in zip(NEW, counts, strict=True))
-        listed = "all for each method" if {*counts} == {total} else f"{listed}, best of the four {best}"
+        listed = "all for each of the four" if {*counts} == {total} else f"{listed}, best of the four {best}"
         told.append(f"{measure} error {listed}")
     low, high = min(every), max(every)
     brief = f"{low} of {total}" if low == high else f"{low} to {high} of {total}"
-    value = f"number of step sizes, of {total} for {asked.words()}, at which a new method has the smaller error: "
+    value = f"step sizes at which a new method has the smaller error, of {total} for {asked.words()}: "
     return combined(verdicts, value + "; ".join(told), brief)
 
 
@@ -196,7 +196,7 @@ def best_performance(results: Results, share: float) -> Decision:
         good += [count > share * int(asked.sum()) for count in counts]
         told.append(f"{name} {counts[0]} and {counts[1]} of {int(asked.sum())}")
     beside = lead_of_trained(results, PRAISED, "the three methods")
-    value = "number of step sizes at which one of the three methods is best, by maximum and mean error: "
+    value = "step sizes at which one of the three methods is best, by maximum and mean error: "
     return counted(good, f"{value}{', '.join(told)}{beside}")
 
 
@@ -245,9 +245,9 @@ def greatly_and_consistently(results: Results, factor: float) -> Decision:
     for name, gains in told.items():
         counts = " and ".join(str(int((gain >= factor).sum())) for gain in gains)
         least = " and ".join(short(float(gain.min()), 2) for gain in gains)
-        listed.append(f"{name} {counts} of {gains[0].size} (smallest ratios {least})")
-    value = f"step sizes at which the ratio of Ruth's error to the worst new method's error is {short(factor)} or more, "
-    return combined(verdicts, f"{value}for maximum and mean errors: {', '.join(listed)}")
+        listed.append(f"{name} {counts} of {gains[0].size} (smallest factors {least})")
+    value = f"step sizes at which Ruth's error is at least {short(factor)} times the worst new method's error"
+    return combined(verdicts, f"{value}, for maximum and mean errors: {', '.join(listed)}")
 
 
 # --- Section 5: stability with large steps, kinetic energies that are not quadratic, close encounters, higher order. --
@@ -337,7 +337,7 @@ STABILITY = (
     )(partial(_of_each_method, "τ/s at the limit", _limit)),
     highly_stable(
         id="stable-growth",
-        statement="Visible instability: the amplitude on the oscillator grows tenfold at a larger τ/s than with Ruth",
+        statement="Visible instability: the oscillator's amplitude grows tenfold at a larger τ/s than with Ruth's method",
         threshold=f"the smallest τ/s at which the step matrix grows tenfold over t = {T_END:.0f} {LARGER}. The first "
         "gap of stability, where |tr K| exceeds 2, may be too narrow for such growth",
     )(partial(_of_each_method, "τ/s at tenfold growth", _growing)),

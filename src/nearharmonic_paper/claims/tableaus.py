@@ -250,7 +250,7 @@ COUNTS = (
 @in_section_4a(
     sentence="Unique solutions satisfy both the ABA and BAB decompositions",
     statement="Unique solutions satisfy both the ABA and BAB decompositions",
-    threshold=f"each of κ₁ to κ_(λ_H) is, for both compositions, {BELOW_ZERO}",
+    threshold=f"each of κ₁ to κ_(λ_H) of both compositions is {BELOW_ZERO}",
     bound=PRINTED_ZERO,
 )
 def unique_sets_solve_both(results: Results, zero: float) -> Decision:
@@ -284,7 +284,7 @@ SIDES = (
         sentence="as opposed to BAB' solution where the error of q_(s+1) remains unaddressed",
         statement="In a BAB' set the position has a lower harmonic order than the momentum",
         threshold="for each BAB' set of Table 4 the proved harmonic order of q is lower than the order of p. BAB's7o6H "
-        "cannot decide, because terms of even order are equal for q and p",
+        "is no evidence, because terms of even order are equal for q and p",
     )(partial(_sides, True)),
 )
 
@@ -342,7 +342,7 @@ def small_coefficients_of_one_row(results: Results, ratio: float) -> Decision:
         d, c = largest(*t.outer), largest(*t.inner)
         if max(c, d) >= ratio * min(c, d):
             told.append(f"{t.label} {'c/d' if c > d else 'd/c'} = {short(max(c, d) / min(c, d), 2)}")
-    return either(bool(told), f"{len(told)} sets; largest c and d: {', '.join(told)}" if told else "no set")
+    return either(bool(told), f"{len(told)} sets; ratio of the largest c and d: {', '.join(told)}" if told else "no set")
 
 
 # --- Statements that methods trained by the energy error affect. ------------------------------------------------------
@@ -454,7 +454,7 @@ PRINTED_D1 = {"abas5o6h": "0.15585935", "abas5o6h_b": "0.40201960", "abas5o6h_c"
 def table_4_columns(results: Results) -> Decision:
     rows = {name: results.method(name).kick for name in PRINTED_D1}
     good = [rows[name][0].startswith(first) for name, first in PRINTED_D1.items()]
-    return counted(good, f"{sum(good)} of {len(good)} sets; ABA sets have {len(rows['abas5o6h'])} kicks, not six")
+    return counted(good, f"{sum(good)} of {len(good)} sets; as ABA they have {len(rows['abas5o6h'])} kicks, not six")
 
 
 @in_discussion(
@@ -541,7 +541,7 @@ def listed_stages(results: Results) -> Decision:
     paper="Section 4.B, list of the ten",
     sentence="BAB's8o7H [BAB] 7-stage, 4th order",
     statement="BAB's8o7H has seven stages",
-    threshold="this is the number of coefficients in the shorter row. The name of the method says eight as well",
+    threshold="the shorter row has as many coefficients. The name of the method says eight stages",
 )
 def listed_stages_babps8o7h(results: Results) -> Decision:
     stages = results.method("babps8o7h").stages
@@ -591,7 +591,7 @@ def s5odr4_of_kahan(results: Results, unit: float) -> Decision:
         printed, middle = map(mpf, S5ODR4)
         rows = [[printed, printed, middle, printed, printed], list(map(mpf, results.method("s5odr4").inner))]
         off = [float(max(abs(c - w) for c, w in zip(row, suzuki, strict=True))) for row in rows]
-    value = f"Suzuki's weights to within {short(off[0], 1)} as printed, and to within {short(off[1], 1)} in the runs"
+    value = f"the weights are Suzuki's within {short(off[0], 1)} as printed, and within {short(off[1], 1)} in the runs"
     return either(max(off) > unit, value)
 
 
@@ -633,7 +633,7 @@ UNIT = float(np.finfo(float).eps / 2)
     statement="Compensated summation drastically reduces rounding errors in long integrations",
     threshold="for each method the root mean square of the energy error by rounding is at least ten times larger with "
     "plain sums than with compensated sums. The ratio is a median over the last 20 samples. "
-    f"{GREATLY.words}. The paper calls rounding truncation",
+    f"{GREATLY.words}. The paper calls rounding errors truncation errors",
     bound=GREATLY.number,
     needs=("cubes/stability_rounding.h5",),
 )
@@ -642,7 +642,7 @@ def compensated_summation(results: Results, factor: float) -> Decision:
     rms = cube["energy_error_rms"].isel(sample=slice(-20, None))
     gains = (rms.sel(source="plain") / rms.sel(source="compensated")).median("sample").values
     worst = label(str(cube["integrator"].values[gains.argmin()]))
-    told = f"; ratio {short(gains.min(), 2)} ({worst}) to {short(gains.max(), 2)}"
+    told = f"; ratios {short(gains.min(), 2)} ({worst}) to {short(gains.max(), 2)}"
     # Number, length and steps of the runs, if the cube has them.
     told += f"; {cube.sizes['orbit']} Kepler orbits" if "orbit" in cube.sizes else ""
     if "time" in cube:
