@@ -20,14 +20,7 @@ from nearharmonic.errors import NearharmonicError
 from nearharmonic.output.atomic import write_bytes
 from nearharmonic.output.store import read, write_dataset
 from nearharmonic.output.table import pipes
-from nearharmonic_paper.claims.claim import (
-    FINDING,
-    OPEN,
-    Entry,
-    in_words,
-    of_the_paper,
-    tally,
-)
+from nearharmonic_paper.claims.claim import FINDING, OPEN, Entry, in_words, of_the_paper, tally
 from nearharmonic_paper.claims.judging import MEANINGS
 from nearharmonic_paper.claims.performance import CLOSE, ROUND
 from nearharmonic_paper.claims.table import FILES, decide, document, results_of
@@ -183,7 +176,7 @@ def _wrapped(text: str) -> list[str]:
 
 
 def _escaped(text: str) -> str:
-    """Return text with escaped Markdown marks, except those of code."""
+    """Return text with escaped Markdown marks, except in code."""
     parts = text.split("`")
     return "`".join(part if i % 2 else re.sub(r"([|*_\[\]])", r"\\\1", part) for i, part in enumerate(parts))
 

@@ -620,7 +620,7 @@ def fig_6_others_stable(results: Results) -> Decision:
 @finding(
     paper="Figure 6, caption",
     sentence="(A) (B) and (D) show stable integrations which preserve H indefinitely",
-    statement="(D) is unstable if it starts beside its plane; the paper does not show this",
+    statement="(D) is unstable if it starts outside its plane; the paper does not show this",
     threshold="the relative energy error exceeds 1 within 100000 iterations from each start with q_x from 10⁻¹² to "
     f"10⁻², with compensated sums and with plain sums. {judging.STABLE.words}",
     needs=DISPLACED,

@@ -337,7 +337,7 @@ STABILITY = (
     )(partial(_of_each_method, "τ/s at the limit", _limit)),
     highly_stable(
         id="stable-growth",
-        statement="Visible instability: the oscillator's amplitude grows tenfold at a larger τ/s than with Ruth's method",
+        statement="Visible instability: an oscillator's amplitude grows tenfold at a larger τ/s than for Ruth's method",
         threshold=f"the smallest τ/s at which the step matrix grows tenfold over t = {T_END:.0f} {LARGER}. The first "
         "gap of stability, where |tr K| exceeds 2, may be too narrow for such growth",
     )(partial(_of_each_method, "τ/s at tenfold growth", _growing)),

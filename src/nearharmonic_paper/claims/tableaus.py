@@ -342,7 +342,7 @@ def small_coefficients_of_one_row(results: Results, ratio: float) -> Decision:
         d, c = largest(*t.outer), largest(*t.inner)
         if max(c, d) >= ratio * min(c, d):
             told.append(f"{t.label} {'c/d' if c > d else 'd/c'} = {short(max(c, d) / min(c, d), 2)}")
-    return either(bool(told), f"{len(told)} sets; ratio of the largest c and d: {', '.join(told)}" if told else "no set")
+    return either(bool(told), f"{len(told)} sets; ratio of largest c and d: {', '.join(told)}" if told else "no set")
 
 
 # --- Statements that methods trained by the energy error affect. ------------------------------------------------------
