@@ -222,7 +222,7 @@ def test_recorded_results_belong_to_registered_methods(tmp_path):
 
 @pytest.mark.slow
 def test_results_with_open_statements_write_nothing(tmp_path):
-    with pytest.raises(NearharmonicError, match=r"undecided, like even-orders \(tables/.*: no verdict is"):
+    with pytest.raises(NearharmonicError, match=r"undecided, like even-orders \(target .*: no verdict is"):
         verdicts(str(tmp_path), str(ROOT / "README.md"), plain_integrators.registered)
 
 

@@ -28,7 +28,7 @@ def sixth_order_descent_on_henon_heiles() -> Opinion:
 
 
 def gains_on_ruth(name: str, row: str) -> np.ndarray:
-    """Return Ruth's error over that of each new method, at the step sizes of the range."""
+    """Return the ratio of Ruth's error to the error of each new method, at the step sizes of the range."""
     every = [curves(name, label) for label in ("Ruth", *NEW)]
     part = compared((one, row) for one in every)
     ruth, *others = (getattr(one, row)[part] for one in every)
