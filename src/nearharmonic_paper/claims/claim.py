@@ -194,7 +194,7 @@ def margin(verdict_at: Callable[[float], str], bound: float) -> str:
 Verdict = Literal["holds", "holds but for edges", "holds in part", "fails", "erratum", "not decided here"]
 OPEN: Verdict = "not decided here"
 
-#: Kinds of statements. A result is measured or found in the paper. Mathematics is proved in the paper or can be proved.
+#: Kinds of statements. A result is measured or found in the paper. Mathematics is proved in the paper or follows.
 #: A misprint can be corrected from its context. An attribution names an author. Background is quoted from other papers
 #: or describes the compared objects. A finding is a statement of this project, not of the paper.
 Kind = Literal["result", "mathematics", "misprint", "attribution", "background", "finding"]

@@ -225,7 +225,7 @@ def significantly_better(results: Results, factor: float) -> Decision:
         told.append(f"{name} {counts[0]} and {counts[1]} of {len(NEW) * len(BEFORE)}")
         brief.append(f"{name.removesuffix(' system')} {counts[0]} / {counts[1]}")
     value = f"pairs in which the new method is significantly better, by maximum and mean error: {', '.join(told)}"
-    won = f"pairs won by maximum / mean error, of {len(NEW) * len(BEFORE)}: {', '.join(brief)}"
+    won = f"pairs with a better new method by maximum / mean error, of {len(NEW) * len(BEFORE)}: {', '.join(brief)}"
     return counted(good, value, won)
 
 

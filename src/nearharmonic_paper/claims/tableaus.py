@@ -362,7 +362,7 @@ def errors_on_random_potentials(results: Results) -> xr.DataArray:
     cube = results.cube("trained")
     for name in ENSEMBLES:
         require(name in cube["ensemble"].values, f"the results do not have the random potentials {name}")
-    # Methods with modified potentials, which spend gradients on small coefficients, are not in the cube.
+    # Methods with modified potentials, which spend gradients on small coefficients, are no methods of the statements.
     both = cube.sel(ensemble=list(ENSEMBLES))
     tau = both["tau_per_stage"].values[0]
     errors = both["mean_log_error"].mean("ensemble").transpose("integrator", "point")
