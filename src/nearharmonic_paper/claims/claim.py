@@ -1,6 +1,6 @@
-"""Statements of the paper that can be decided by numbers: their data, their decisions, and sums of verdicts.
+"""Statements of the paper that numbers can decide: their data, their decisions, and numbers of verdicts.
 
-A statement is a row: a :class:`Claim` in a file of its group; there is no other list. The decorator of its kind, for
+A statement is a :class:`Claim` in the file of its group; there is no other list. The decorator of its kind, for
 example :data:`result`, takes its words and its threshold, and the function below it decides. The name of the function,
 with hyphens, is the id. Statements with a common method of decision are rows of a tuple, with an ``id`` each:
 ``result(...)(partial(judge, ...))``, where the parameters of the row come before the results.
@@ -45,13 +45,13 @@ class Undecided(Exception):
 
 
 def require(known: object, lacking: str) -> None:
-    """Raise :class:`Undecided` with the message ``lacking`` if what is ``known`` is false or empty."""
+    """Raise :class:`Undecided` with the message ``lacking`` if ``known`` is false or empty."""
     if not known:
         raise Undecided(lacking)
 
 
 def once(make: Callable[Given, Found]) -> Callable[Given, Found]:
-    """Return a function that keeps the values of ``make`` in its first argument, results or curves of them."""
+    """Return a function that keeps the values of ``make`` in its first argument, which is results or curves."""
 
     @wraps(make)
     def kept(*given: Given.args, **named: Given.kwargs) -> Found:
@@ -67,8 +67,8 @@ def once(make: Callable[Given, Found]) -> Callable[Given, Found]:
 class Results:
     """A folder of results. A file that is missing, damaged or without rows is a ResultFileError.
 
-    ``methods`` are those of the statements, by default the registered splitting methods. ``leftovers`` are files that
-    count as missing.
+    ``methods`` are the methods of the statements, by default the registered splitting methods. ``leftovers`` are files
+    that count as missing.
     """
 
     def __init__(
@@ -122,7 +122,7 @@ class Results:
 
     def method(self, name: str) -> Tableau:
         """Return a method by its name, if it is among the methods; raise :class:`Undecided` otherwise."""
-        require(name in self.methods, f"the method {name} is not among those that are looked at")
+        require(name in self.methods, f"the method {name} is not among the selected methods")
         return self.methods[name]
 
     @once
@@ -148,7 +148,7 @@ def label(name: str) -> str:
 # --- Margins: the range of thresholds of a statement that leave its verdict unchanged. --------------------------------
 
 #: The margin of proofs, counts and comparisons of digits.
-EXACT = "exact: no threshold"
+EXACT = "exact; no numerical threshold"
 #: Successive factors of a threshold: in steps of 12 % up to ten, then by squares.
 FACTORS = (*(10 ** (k / 20) for k in range(1, 21)), *(10.0**2**k for k in range(1, 8)))
 
@@ -183,10 +183,10 @@ def margin(verdict_at: Callable[[float], str], bound: float) -> str:
     verdict = asked(bound)
     low, high = map(last, (-1, 1))
     if low is None and high is None:
-        return f"threshold {short(bound)}; any other gives the same verdict"
+        return f"threshold {short(bound)}; any other threshold gives the same verdict"
     start = "" if low is None else f" from {short(low)}"
-    end = " up" if high is None else f" up to {short(high)}" if low is None else f" to {short(high)}"
-    return f"threshold {short(bound)}; the same verdict{start}{end}"
+    end = " upwards" if high is None else f" up to {short(high)}" if low is None else f" to {short(high)}"
+    return f"threshold {short(bound)}; the verdict is the same{start}{end}"
 
 
 # --- Statements and decisions. ----------------------------------------------------------------------------------------
@@ -194,14 +194,14 @@ def margin(verdict_at: Callable[[float], str], bound: float) -> str:
 Verdict = Literal["holds", "holds but for edges", "holds in part", "fails", "erratum", "not decided here"]
 OPEN: Verdict = "not decided here"
 
-#: Kinds of statements. A result is measured or found in the paper. Mathematics is proved in the paper or follows. A
-#: misprint can be corrected from its context. An attribution names an author. Background is quoted from others or
-#: describes the compared objects. A finding is a statement of this project, not of the paper.
+#: Kinds of statements. A result is measured or found in the paper. Mathematics is proved in the paper or follows.
+#: A misprint can be corrected from its context. An attribution names an author. Background is quoted from other papers
+#: or describes the compared objects. A finding is a statement of this project, not of the paper.
 Kind = Literal["result", "mathematics", "misprint", "attribution", "background", "finding"]
 
 
 class Decision(NamedTuple):
-    """Verdict on a statement, the measured value in words and numbers, the margin of its threshold, a short value."""
+    """Verdict on a statement, measured value in words and numbers, margin of the threshold, short value for README."""
 
     verdict: Verdict
     value: str
@@ -215,7 +215,7 @@ Decide = Callable[..., Decision]
 
 @dataclass(frozen=True, kw_only=True)
 class Claim:
-    """A statement: its name in tables, its position in the paper, the words of the paper, and what is made of them."""
+    """A statement: its name in tables, its position in the paper, the words of the paper, and their interpretation."""
 
     id: str
     paper: str
@@ -235,7 +235,7 @@ class Claim:
 
     @property
     def target(self) -> str:
-        """Target of the workflow for its files."""
+        """Workflow target that makes the files in ``needs``."""
         return maker_of(self.needs)[0]
 
     def decision(self, results: Results) -> Decision:
@@ -282,12 +282,12 @@ def either(good: bool, value: str) -> Decision:
 
 
 def counted(good: Sequence[bool], value: str, brief: str = "") -> Decision:
-    """Return the decision on several objects: holds, in part or fails, if all, some or none of them are good."""
+    """Return the decision on several objects: holds, in part or fails, if all, some or no objects are good."""
     return Decision("holds" if all(good) else "holds in part" if any(good) else "fails", value, brief=brief)
 
 
 def tallied(good: Iterable[bool], things: str, beside: str = "") -> Decision:
-    """Decide as :func:`counted`; the value is the number of good things, of all, and the text ``beside``."""
+    """Decide as :func:`counted`; the value is the number of good ``things``, the number of all, and ``beside``."""
     found = list(good)
     return counted(found, f"{sum(found)} of {len(found)} {things}{beside}")
 
@@ -332,7 +332,7 @@ def of_the_paper(entries: Iterable[Entry]) -> list[Entry]:
 
 
 def sums(entries: Sequence[Entry]) -> list[tuple[str, int, dict[str, int]]]:
-    """Return each kind, the number of its statements, and the number of them with each verdict."""
+    """Return each kind, the number of its statements, and the number of its statements with each verdict."""
     found = []
     for kind, many in KINDS.items():
         verdicts = Counter(entry["verdict"] for entry in entries if entry["kind"] == kind)
@@ -342,7 +342,7 @@ def sums(entries: Sequence[Entry]) -> list[tuple[str, int, dict[str, int]]]:
 
 
 def tally(entries: Sequence[Entry]) -> str:
-    """Return the number of statements of the paper and of those with each verdict, in words."""
+    """Return the number of statements of the paper, and the number with each verdict, in words."""
     counted = of_the_paper(entries)
     return f"Of {len(counted)} statements of the paper, {in_words(Counter(entry['verdict'] for entry in counted))}"
 

@@ -1,7 +1,7 @@
-"""The committed verdicts and the pages that show them, which the target ``verdicts`` writes together.
+"""The committed verdicts and their pages; the target ``verdicts`` writes all of them together.
 
-``docs/claims.json`` has the verdicts of results with all targets. README shows some of them, ``docs/results/claims.md``
-all. An archive of the results that decide is among the tests.
+``docs/claims.json`` contains the verdicts on results of all targets. README shows some verdicts, and
+``docs/results/claims.md`` shows all. The tests contain an archive of the results that decide.
 """
 
 from __future__ import annotations
@@ -20,14 +20,7 @@ from nearharmonic.errors import NearharmonicError
 from nearharmonic.output.atomic import write_bytes
 from nearharmonic.output.store import read, write_dataset
 from nearharmonic.output.table import pipes
-from nearharmonic_paper.claims.claim import (
-    FINDING,
-    OPEN,
-    Entry,
-    in_words,
-    of_the_paper,
-    tally,
-)
+from nearharmonic_paper.claims.claim import FINDING, OPEN, Entry, in_words, of_the_paper, tally
 from nearharmonic_paper.claims.judging import MEANINGS
 from nearharmonic_paper.claims.performance import CLOSE, ROUND
 from nearharmonic_paper.claims.table import FILES, decide, document, results_of
@@ -37,14 +30,14 @@ from nearharmonic_paper.claims.tableaus import ENSEMBLES
 SYSTEMS = {"sho": "oscillator", "henon-heiles": "Hénon-Heiles", "kepler": "Sun-Mercury"}
 
 
-#: README's table: words, id, and, if there is a statement for each system, the words before the short values.
+#: README's table: words, id, and the words before the short values if each system has a statement.
 SHOWN = (
     ("perform significantly better than previous integrators", "significantly-better", ""),
-    ("outperform Ruth by several orders of magnitude", "outperform-ruth", "step sizes with a factor of 100"),
-    ("outperform the three methods of Blanes", "outperform-blanes", "step sizes at which a new method is ahead"),
+    ("outperform Ruth by several orders of magnitude", "outperform-ruth", "step sizes with a factor of 100 or more"),
+    ("outperform the three methods of Blanes", "outperform-blanes", "step sizes at which a new method is better"),
 )
 
-#: The dozen main statements of the paper, with which its page begins.
+#: The twelve main statements of the paper, at the top of the page.
 CARRYING = (
     "significantly-better", "outperform-ruth", "best-performance", "greatly-and-consistently",
     "stable-with-large-steps", "fig-1-sixth-order", "fig-2-reads-order", "fig-3-sixth-order-descent",
@@ -53,10 +46,10 @@ CARRYING = (
 
 #: Words for each statement that fails.
 FAILURES = {
-    "outperform-ruth-kepler": "on the Sun-Mercury system the new methods beat Ruth's by a factor, not by orders of "
-    "magnitude",
-    "bab-prime-leaves-q": "BAB' sets leave an error in p, like BAB sets, while the paper says in q",
-    "eq-16-general": "Eq. 16 alone does not give order four",
+    "outperform-ruth-kepler": "on the Sun-Mercury system the new methods beat Ruth's method by a factor, not by orders "
+    "of magnitude",
+    "bab-prime-leaves-q": "BAB' sets leave an error in p, like BAB sets, but the paper says in q",
+    "eq-16-general": "Eq. 16 alone does not imply order four",
     "s5odr4-of-kahan": "the weights of s5odr4 are Suzuki's, not Kahan's",
 }
 
@@ -66,9 +59,9 @@ _WIDTH = 118
 
 INTRODUCTION = """# Statements of the paper
 
-Each statement that numbers can decide, in the paper's words, with a verdict computed from the results of
-`snakemake -j2 everything`. `snakemake -j2` writes the same list to `results/<name>/tables/claims.md`, and names the
-extra target that an undecided statement needs. This page is generated from [claims.json](../claims.json).
+This page lists each statement of the paper that numbers can decide, in the paper's words. Each verdict is computed from
+the results of `snakemake -j2 everything`. `snakemake -j2` writes the same list to `results/<name>/tables/claims.md` and
+names the extra target that an undecided statement needs. This page is generated from [claims.json](../claims.json).
 """
 
 
@@ -102,7 +95,7 @@ def failures_in_words(entries: Sequence[Entry]) -> str:
 
 
 def page(entries: Sequence[Entry]) -> str:
-    """Return the page of all statements, in Markdown; no line is longer than a screen."""
+    """Return the page of all statements in Markdown, with wrapped lines."""
     by_id = {entry["id"]: entry for entry in entries}
     lines = [INTRODUCTION, *_wrapped(f"{tally(entries)}. {failures_in_words(entries)}")]
     lines += ["## The main statements", ""]
@@ -118,7 +111,7 @@ def page(entries: Sequence[Entry]) -> str:
     return "\n".join(lines)
 
 
-#: Title of each section, and what a place in it begins with: its name, or that of an equation, a table or a figure.
+#: Title of each section, and a pattern for the places in it: sections, equations, tables or figures.
 SECTIONS = {
     "Abstract": "Abstract",
     "Section 1, Introduction": "Section 1",
@@ -150,8 +143,8 @@ def _folded(title: str, entries: Sequence[Entry]) -> Iterator[str]:
 
 def _in_short(entry: Entry) -> Iterator[str]:
     """Return a statement, its verdict and its value."""
-    yield from _item(f"“{entry['paper']['sentence']}” ({entry['paper']['section']}; `{entry['id']}`): ")
-    lines = "\n".join(["", *(f"  {line}" for line in _lines(f"{entry['verdict']}: {entry['value']}.")), ""])
+    yield from _item(f"“{entry['paper']['sentence']}” ({entry['paper']['section']}; `{entry['id']}`)")
+    lines = "\n".join(["", *(f"  {line}" for line in _lines(f"{entry['verdict']} · {entry['value']}.")), ""])
     yield lines.replace(entry["verdict"], f"**{entry['verdict']}**", 1)
 
 
@@ -164,7 +157,7 @@ def _told(entry: Entry) -> Iterator[str]:
     needs = f" From {', '.join(f'`{name}`' for name in entry['needs'])}." if entry["needs"] else ""
     yield from _item(f"Read as: {entry['statement']}.")
     yield from _item(f"Measured: {entry['value']}.")
-    yield from _item(f"Asked: {entry['threshold']}.{needs}")
+    yield from _item(f"Threshold: {entry['threshold']}.{needs}")
     yield from _item(f"Margin: {entry['margin']}.")
     yield ""
 
@@ -183,16 +176,16 @@ def _wrapped(text: str) -> list[str]:
 
 
 def _escaped(text: str) -> str:
-    """Return text with escaped Markdown marks, except those of code."""
+    """Return text with escaped Markdown marks, except in code."""
     parts = text.split("`")
     return "`".join(part if i % 2 else re.sub(r"([|*_\[\]])", r"\\\1", part) for i, part in enumerate(parts))
 
 
 def verdicts(folder: str, readme: str, integrators: Sequence[str], files: Sequence[str] = ()) -> dict[str, str | bytes]:
-    """Decide all statements on ``folder`` anew, and return the committed documents; ``files`` are those that decide.
+    """Decide all statements on ``folder`` anew, and return the committed documents; ``files`` are the deciding files.
 
-    They are ``recorded``, the results that decide, as a zip file; ``document``, the verdicts as JSON; ``page``; and
-    ``readme``. A statement that is not decided is a NearharmonicError.
+    The documents are ``recorded``, the deciding results as a zip file; ``document``, the verdicts as JSON; ``page``;
+    and ``readme``. A statement that is not decided raises a NearharmonicError.
     """
     entries = decide(results_of(folder, integrators))
     undecided = [f"{entry['id']} ({entry['value']})" for entry in entries if entry["verdict"] == OPEN]
@@ -205,7 +198,7 @@ def verdicts(folder: str, readme: str, integrators: Sequence[str], files: Sequen
     }  # fmt: skip
 
 
-#: What is kept of cubes of which statements look at little.
+#: The kept parts of cubes that the statements use only in part.
 _ERRORS = ["max_energy_error", "mean_energy_error", "tau"]
 _KEPT: Mapping[str, Callable[[Any], Any]] = {
     "sho": lambda cube: cube[_ERRORS],
@@ -221,7 +214,7 @@ _KEPT: Mapping[str, Callable[[Any], Any]] = {
 
 
 def recorded(results: Path) -> bytes:
-    """Return the files that decide as a zip file, from which tests decide again; equal results give equal bytes."""
+    """Return the deciding files as a zip file, from which tests decide again; equal results give equal bytes."""
     content = BytesIO()
     with TemporaryDirectory() as place, ZipFile(content, "w") as archive:
         for name in FILES:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from math import ceil, log10, sqrt
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -20,87 +20,70 @@ if TYPE_CHECKING:
 
 # --- Definitions of the paper's general words and of terms in verdicts, used for all statements.
 class Meaning(NamedTuple):
-    """A number, its definition with the origin, and a short form for thresholds."""
+    """A number, its definition with the origin, and a short definition for thresholds if the first one is long."""
 
     number: float
     words: str
-    brief: str
+    brief: str = ""
 
 
 #: A dot of 2 pt in a figure 5 inches high over 18 decades covers a tenth of a decade.
 DOT = 1.2589254117941673  # 10^(1/10)
-DOT_WORDS = "a tenth of a decade (a factor of 1.26), what a dot of 2 pt covers in a figure of 5 inches over 18 decades"
+DOT_WORDS = (
+    "a tenth of a decade (a factor of 1.26). A dot of 2 pt covers as much in a figure of 5 inches over 18 decades"
+)
 
 PERFORMANCE = Meaning(
     1.0,
-    "'Performance' is the energy error at equal cost, which is at equal step size per stage τ/s; to 'outperform' is to "
+    "'Performance' is the energy error at equal cost: at equal step size per stage τ/s. To 'outperform' a method is to "
     "have the smaller error",
-    "'outperform': smaller error at equal τ/s",
+    "'Outperform' means a smaller error at equal τ/s",
 )
 APPROXIMATELY = Meaning(
-    DOT, f"'Approximately' means within {DOT_WORDS}", "'approximately': within a tenth of a decade, a factor of 1.26"
+    DOT,
+    f"'Approximately' means within {DOT_WORDS}",
+    "'Approximately' means within a tenth of a decade, a factor of 1.26",
 )
 SIGNIFICANTLY = Meaning(
-    DOT, f"'Significantly' means by more than {DOT_WORDS}", "'significantly': by more than a tenth of a decade"
+    DOT, f"'Significantly' means by more than {DOT_WORDS}", "'Significantly' means by more than a tenth of a decade"
 )
-GENERALLY = Meaning(
-    0.5,
-    "'Generally', 'usually' and 'often' mean in more than half of the cases",
-    "'generally', 'usually', 'often': more than half",
-)
-GREATLY = Meaning(
-    10.0,
-    "'Greatly', 'drastically' and 'rapidly' mean by a factor of 10 or more",
-    "'greatly', 'drastically', 'rapidly': 10 times or more",
-)
-SEVERAL = Meaning(2.0, "'Several' means two or more", "'several': two or more")
-SEVERAL_ORDERS = Meaning(
-    100.0, "'Several orders of magnitude' means a factor of 100 or more", "'several orders of magnitude': 100 or more"
-)
+GENERALLY = Meaning(0.5, "'Generally', 'usually' and 'often' mean in more than half of the cases")
+GREATLY = Meaning(10.0, "'Greatly', 'drastically' and 'rapidly' mean by a factor of 10 or more")
+SEVERAL = Meaning(2.0, "'Several' means two or more")
+SEVERAL_ORDERS = Meaning(100.0, "'Several orders of magnitude' means a factor of 100 or more")
 NOT_SUITABLE = Meaning(
-    10.0,
-    "A method is 'not suitable' if its error is at least ten times that of another at equal cost",
-    "'not suitable': ten times the error or more",
+    10.0, "A method is 'not suitable' if its error is at least ten times the error of another method at equal cost"
 )
 LARGE = Meaning(
-    10.0,
-    "'Large' step sizes are the decade below the one at which the first of the maximum errors compared passes 1 %",
-    "'large': the decade below an error of 1 %",
+    10.0, "'Large' step sizes are the decade below the first step size at which a compared maximum error exceeds 1 %"
 )
 MODERATE = Meaning(
     0.5,
-    "'Moderate' step sizes are the last half decade or more of the range of comparison. Smaller ones are left to "
-    "methods of higher order",
-    "'moderate': the last half decade of the range, or more",
+    "'Moderate' step sizes are at least the last half decade of the range of comparison. Smaller step sizes are left "
+    "to methods of higher order",
+    "'Moderate' step sizes are at least the last half decade of the range",
 )
-SMALL = Meaning(
-    1.0,
-    "A coefficient or substep is 'small' if it is no longer than the whole step",
-    "'small': no longer than the whole step",
-)
-STABLE = Meaning(
-    1.0, "A run is 'stable' while its relative energy error stays below 1", "'stable': relative energy error below 1"
-)
-#: A run whose energy is off by more than 1 % is no integration that anyone would keep.
+SMALL = Meaning(1.0, "A substep and its coefficient are 'small' if the substep is no longer than the whole step")
+STABLE = Meaning(1.0, "A run is 'stable' while its relative energy error stays below 1")
+#: Nobody would use a run with an energy error above 1 %.
 RANGE = Meaning(
     0.01,
-    "The 'range of comparison' contains the step sizes at which all curves compared show truncation, not rounding. It "
-    "begins where each of them is 100 times its lowest point. It ends where the first of the maximum errors compared "
-    "passes 1 %, or that of the method that the threshold names",
-    "",
+    "The 'range of comparison' contains the step sizes at which all compared curves show truncation errors, not "
+    "rounding errors. It begins where each curve is 100 times its lowest point. It ends where the first of the "
+    "compared maximum errors exceeds 1 %. If the threshold names methods, only their errors end the range",
 )
 EDGES = Meaning(
     0.95,
-    "A statement about a range 'holds' at every step size of it. It 'holds but for edges' at 95 % or more, all others "
-    "among the first or last tenth. It 'holds in part' over half a decade or more without a gap",
-    "",
+    "A statement about a range 'holds' if it is true at every step size of the range. It 'holds but for edges' if it "
+    "is true at 95 % or more of the step sizes, and all exceptions are among the first or last tenth. It 'holds in "
+    "part' if it is true over half a decade or more without a gap",
 )
 SLOPES = Meaning(
     0.5,
-    "A curve 'has an order' where its local slopes are within 0.5 of it, so that no other integer is nearer. A local "
-    "slope is a fit to log(maximum error) within 0.05 decades of a step size. The statement holds if they stay so over "
-    "half a decade, and in part over 0.2 decades, two windows of the fits",
-    "",
+    "A curve 'has an order' where its local slopes are within 0.5 of the order, so that no other integer is nearer. A "
+    "local slope is a fit to log(maximum error) within 0.05 decades of a step size. The statement holds if the slopes "
+    "stay near the order over half a decade. It holds in part if they stay there over 0.2 decades, the width of two "
+    "fits",
 )
 #: All definitions, for the page.
 MEANINGS = (
@@ -109,28 +92,28 @@ MEANINGS = (
 )  # fmt: skip
 
 
-# --- Curves of errors over step sizes: where they are truncation, over which steps one is the lower, and whether they
-# have the order of something else.
+# --- Curves of errors over step sizes: ranges without rounding errors, and comparisons of curves in these ranges.
 #
-# Statements about curves are decided at every step size of a range. Unless a statement says otherwise it is the range
-# of :meth:`Curves.compared`: from the first step size at which every curve is clear of rounding to the last before
-# one of them passes :data:`LOST`.
+# Statements about curves are decided at every step size of a range. By default this is the range of
+# :meth:`Curves.compared`: from the first step size at which no curve shows rounding to the last one before a curve
+# exceeds :data:`LOST`.
 
 LOST = RANGE.number
 #: Minimum width of a part of a range: half a decade, the width of fits of observed orders.
-PART = sqrt(10) * (1 - 1e-9)  # step sizes that are half a decade apart are so but for rounding
+PART = sqrt(10) * (1 - 1e-9)  # less the rounding of step sizes half a decade apart
 #: Minimum number of step sizes for a statement about a range.
 FEWEST = 3
-#: A statement holds but for edges if it holds at this fraction of the step sizes, and the others are in the first or
-#: last tenth.
+#: A statement holds but for edges if it is true at this fraction of the step sizes, and all exceptions are in the
+#: first or last tenth.
 MOST, EDGE = EDGES.number, 0.1
 #: The two errors in the figures of the paper.
 MEASURES = {"maximum": "max_energy_error", "mean": "mean_energy_error"}
 
 
 def range_words(end: str = "") -> str:
-    """Describe the step sizes of a statement; the curve ``end``, or all compared curves, determine the last one."""
-    return "over the range of comparison" + (f", up to where the maximum error of {end} passes 1 %" if end else "")
+    """Describe the step sizes of a statement; the curves ``end``, by default all compared curves, end the range."""
+    where = "at every step size of the range of comparison"
+    return where + (f". The range ends where the maximum error of {end} exceeds 1 %" if end else "")
 
 
 class Piece(NamedTuple):
@@ -141,18 +124,18 @@ class Piece(NamedTuple):
 
     @property
     def decades(self) -> float:
-        """Its length."""
+        """Length in decades."""
         return log10(self.high / self.low) if self.high > 0 else 0.0
 
     def words(self, unit: str) -> str:
         """The piece and its length for a reader."""
         if self.decades == 0:
             return "nowhere"
-        return f"τ/s = {short(self.low)} to {short(self.high)}{unit} ({self.decades:.2f} decades)"
+        return f"for τ/s = {short(self.low)} to {short(self.high)}{unit} ({self.decades:.2f} decades)"
 
 
 class Range(NamedTuple):
-    """Step sizes per stage, the mask of those of a statement, and their unit."""
+    """Step sizes per stage, the mask of the step sizes of a statement, and their unit."""
 
     x: Floats
     asked: Bools
@@ -186,12 +169,12 @@ class Range(NamedTuple):
         return last if last.high == self.x[self.asked][-1] else Piece(1.0, 0.0)
 
 
-#: Step sizes at which statements are judged: of more, every second, third, ....
+#: Largest number of judged step sizes; of a finer grid every second, third, ... step size is judged.
 MOST_JUDGED = 2000
 
 
 class Curves:
-    """The runs of one system over step sizes, from its cube: those in double precision, which have all step sizes."""
+    """The runs of one system over step sizes, from its cube: the runs in double precision cover all step sizes."""
 
     def __init__(self, cube: xr.Dataset) -> None:
         cube = cube.isel(tau_per_stage=slice(None, None, ceil(cube.sizes["tau_per_stage"] / MOST_JUDGED) or 1))
@@ -231,9 +214,8 @@ class Curves:
         low = self.x[(every < PLATEAU * floors).any(axis=0)].max(initial=0.0)
         high = self.x[(np.atleast_2d(every if kept is None else kept) > LOST).any(axis=0)].min(initial=np.inf)
         asked = (self.x > low) & (self.x < high)
-        require(
-            asked.sum() >= FEWEST, "the results have fewer than three step sizes at which all curves are truncation"
-        )
+        known = asked.sum() >= FEWEST
+        require(known, "the results have fewer than three step sizes at which all curves show truncation errors")
         return Range(self.x, asked, self.unit)
 
 
@@ -242,13 +224,13 @@ def over(asked: Range, good: Bools, value: str = "") -> Decision:
     count, true = int(asked.asked.sum()), int((good & asked.asked).sum())
     tail, brief = f"; {value}" if value else "", f"{true} of {count}"
     if true == count:
-        return Decision("holds", f"{asked.words()}, all {count} step sizes{tail}", brief=brief)
-    share = f"{brief} step sizes of {asked.words()}"
+        return Decision("holds", f"true at all {count} step sizes of {asked.words()}{tail}", brief=brief)
+    share = f"at {brief} step sizes of {asked.words()}"
     low, high = asked.longest(good)
     if high < PART * low:
-        return Decision("fails", f"{share}{tail}", brief=brief)
+        return Decision("fails", f"true {share}{tail}", brief=brief)
     verdict: Verdict = "holds but for edges" if asked.but_for_edges(good) else "holds in part"
-    return Decision(verdict, f"{asked.words(good)}, in one piece; {share}{tail}", brief=brief)
+    return Decision(verdict, f"true at every step size of {asked.words(good)}; in total {share}{tail}", brief=brief)
 
 
 def for_larger_steps(asked: Range, good: Bools) -> Decision:
@@ -257,11 +239,11 @@ def for_larger_steps(asked: Range, good: Bools) -> Decision:
         return Decision("holds", f"at all step sizes of {asked.words()}")
     low, high = asked.at_the_end(good)
     if high >= PART * low:
-        return Decision("holds", f"from τ/s = {short(low)}{asked.unit} on, of {asked.words()}")
+        return Decision("holds", f"from τ/s = {short(low)}{asked.unit} to the end of {asked.words()}")
     low, high = asked.longest(good)
     if high >= PART * low:
-        return Decision("holds in part", f"not at the end: {asked.words(good)}, of {asked.words()}")
-    return Decision("fails", f"{int((good & asked.asked).sum())} of {int(asked.asked.sum())} step sizes")
+        return Decision("holds in part", f"for {asked.words(good)}, but not at the end of {asked.words()}")
+    return Decision("fails", f"at {int((good & asked.asked).sum())} of {int(asked.asked.sum())} step sizes")
 
 
 @once
@@ -271,41 +253,40 @@ def curves_of(results: Results, system: str) -> Curves:
 
 
 def rank_correlation(one: Floats, other: Floats) -> Floats:
-    """Return Spearman's rank correlation over the rows for each column; 0 if all values of one are equal.
+    """Return Spearman's rank correlation over the rows for each column; 0 if all values of one column are equal.
 
     Equal numbers of the arrays (n, T) share the mean of their ranks.
     """
-    # Twice the ranks, from the middle: how many numbers are below each, less how many are above.
+    # Twice the ranks, counted from the middle: the number of smaller values less the number of larger values.
     below = ((rows[:, None] > rows, rows[:, None] < rows) for rows in (one, other))
     first, second = (less.sum(axis=1) - more.sum(axis=1) for less, more in below)
     spread = np.sqrt((first**2).sum(axis=0) * (second**2).sum(axis=0))
     return np.asarray((first * second).sum(axis=0) / np.where(spread > 0, spread, 1.0))
 
 
-# --- Local slopes of errors over step sizes, and lengths of ranges where they agree with an order.
+# --- Local slopes of errors over step sizes, and lengths of ranges where the slopes agree with an order.
 #
 # All statements about slopes are decided in this way. A fit over half a decade would mix the end of one power law with
-# the beginning of the next one; local slopes with the length of their range distinguish them.
+# the beginning of the next one. Local slopes and the lengths of their ranges distinguish the two.
 
 #: Half width in decades of the fit of a local slope: five step sizes in total, with forty per decade.
 WINDOW = 0.05
-#: Tolerance of a local slope: within it no other integer is nearer.
+#: Tolerance of a local slope: no other integer is nearer.
 BAND = SLOPES.number
-#: Required length in decades of agreement with an order; for "in part" two windows without a common step size.
+#: Required length in decades of agreement with an order; "in part" requires two windows without a common step size.
 LONG, SHORT = 0.5, 4 * WINDOW
 SLOPE = (
-    f"local slopes of the maximum error within {BAND} of the order over {LONG} decades or more of its range of "
-    f"comparison; in part: over {SHORT:.1f} decades"
+    f"for each method the local slopes of the maximum error are within {BAND} of the order over {LONG} decades or more "
+    f"of its range of comparison. The statement holds in part if they stay there over {SHORT:.1f} decades"
 )
 _ROUNDED = 1e-5  # decades: step sizes of a grid are rounded to six digits
 
 
 @once
 def local_slopes(curves: Curves, name: str) -> Floats:
-    """Return the slope around each step size; NaN if an error around it is not finite or fewer than three exist.
+    """Return the slope around each step size; NaN if a nearby error is not finite, or fewer than three are nearby.
 
-    If no step size has as many around it, the grid is too coarse whatever the errors are: this is
-    :class:`Undecided`.
+    If no step size has three neighbours in its window, the grid is too coarse, and :class:`Undecided` is raised.
     """
     error, windows = curves.errors([name])[0], _windows(curves)
     good = np.isfinite(error) & (error > 0)
@@ -320,7 +301,7 @@ def local_slopes(curves: Curves, name: str) -> Floats:
 
 @once
 def _windows(curves: Curves) -> list[tuple[Any, Floats, float]]:
-    """Return the places around each step size, their logarithms less the mean, and the sum of the squares of these."""
+    """Return for each step size its neighbours, their centred logarithms, and the sum of squares of the logarithms."""
     places, x = portable.log10(curves.x), log(curves.x)
     around = [np.flatnonzero(np.abs(places - place) <= WINDOW + _ROUNDED) for place in places]
     abscissas = [x[near] - mean(x[near]) for near in around]
@@ -335,20 +316,13 @@ def judged(found: Piece) -> Verdict:
 
 
 def orders(curves: Curves, expected: Mapping[str, int], band: float) -> Decision:
-    """Decide whether each method has its order as a slope, where its error is neither rounding nor above 1 %."""
+    """Decide whether each method has its order as a slope, where its error is above rounding and below 1 %."""
     found = {}
     for name, order in expected.items():
         asked = curves.compared(curves.errors([name]))
         found[name] = asked.longest(np.abs(local_slopes(curves, name) - order) <= band)
-    told = (f"{label(name)} {expected[name]} over {piece.words(curves.unit)}" for name, piece in found.items())
-    brief = f"slope {' and '.join(map(str, dict.fromkeys(expected.values())))} over {in_decades(found.values())}"
-    return combined(map(judged, found.values()), "; ".join(told), brief)
-
-
-def in_decades(found: Iterable[Piece]) -> str:
-    """Return the shortest and the longest of some pieces in words."""
-    lengths = [piece.decades for piece in found]
-    return f"{min(lengths):.2f} to {max(lengths):.2f} decades"
+    told = (f"{label(name)} slope {expected[name]} {piece.words(curves.unit)}" for name, piece in found.items())
+    return combined(map(judged, found.values()), "; ".join(told))
 
 
 def orders_on(system: str, expected: Mapping[str, int], results: Results, band: float) -> Decision:

@@ -25,7 +25,7 @@ def modules() -> list[str]:
 
 
 def digest() -> str:
-    """Return the SHA-256 of their code, which the digest of the deciding job does not cover."""
+    """Return the SHA-256 of the code of these modules, which the digest of the deciding job does not cover."""
     return code_digest(*modules())
 
 
@@ -42,7 +42,7 @@ def claims_in(module: ModuleType) -> Iterator[Claim]:
         yield from (one for one in rows if isinstance(one, Claim))
 
 
-#: All statements of the paper in its order; the digest of the job covers these imports, so that an edit invalidates
+#: All statements in the order of the paper; the digest of the job covers these imports, so that an edit invalidates
 #: decisions.
 CLAIMS: tuple[Claim, ...] = tuple(
     claim for group in (splitting, equations, tableaus, figures, performance) for claim in claims_in(group)
@@ -91,6 +91,6 @@ def decided(
     """
     entries = decide(results_of(folder, integrators, leftovers))
     flat = [{**entry, **entry["paper"], "needs": ", ".join(entry["needs"])} for entry in entries]
-    caption = "Statements of the paper, and what the numbers say of them."
+    caption = "Statements of the paper and their verdicts."
     table = Table(header=COLUMNS, rows=[[entry[column] for column in COLUMNS] for entry in flat], caption=caption)
     return {"table": table, "document": document(entries)}

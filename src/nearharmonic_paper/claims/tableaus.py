@@ -1,4 +1,4 @@
-"""Statements about coefficients: Table 4, sizes and roles of its rows, trained methods, the list of the ten methods."""
+"""Statements about coefficients: Table 4, size and roles of its rows, trained methods, the list of the ten methods."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-# --- Table 4: its coefficients, which sets are unique, what they solve, and the digit that is wrong. ------------------
+# --- Table 4: its coefficients, unique sets, solved equations, and the wrong digit. -----------------------------------
 
 SETS = tuple(tableau.name for tableau in nielsen_2015.TABLEAUS)
 FIVE_STAGES = ("abas5o6h", "abas5o6h_b", "abas5o6h_c")
@@ -72,20 +72,23 @@ def sets(results: Results) -> Iterator[Tableau]:
 
 @cache
 def _vanish(tableau: Tableau, highest: int) -> float:
-    """The largest of kappa_1 ... kappa_highest."""
+    """Return the largest of kappa_1 ... kappa_highest."""
     return float(max(kappa(tableau, highest)))
 
 
-#: A unit of the 76th decimal, times what errors of coefficients grow by: l! sums of up to 2^l products, l <= 7.
+#: A unit of the 76th decimal, times the amplification of coefficient errors: l! sums of up to 2^l products, l <= 7.
 PRINTED_ZERO = 1e-70
-BELOW_ZERO = "below 10⁻⁷⁰: 76 printed decimals leave 10⁻⁷⁶, κ₇ multiplies their errors by 7!, and the rest is a margin"
+BELOW_ZERO = (
+    "below 10⁻⁷⁰. Rounding to 76 decimals leaves errors of 10⁻⁷⁶, κ₇ multiplies these errors by 7!, and the rest is a "
+    "safety factor"
+)
 
 
 @result(
     paper="Table 4 and Eq. 17",
     sentence="Solution to Eq. 10 using BAB decomposition",
     statement="κ₁ to κ_(λ_H) vanish for each of the ten sets",
-    threshold=f"each of them {BELOW_ZERO}",
+    threshold=f"each of these terms is {BELOW_ZERO}",
     bound=PRINTED_ZERO,
 )
 def table_4_solves(results: Results, zero: float) -> Decision:
@@ -100,7 +103,7 @@ def table_4_solves(results: Results, zero: float) -> Decision:
     sentence="Efficient fourth order symplectic integrators are proposed for numerical integration of separable "
     "Hamiltonian systems",
     statement="The ten sets are of fourth order",
-    threshold="order 4 and no more for any separable Hamiltonian, proved in the free Lie algebra",
+    threshold="each set has order 4 and no higher order for any separable Hamiltonian, proved in the free Lie algebra",
 )
 def table_4_fourth_order(results: Results) -> Decision:
     return tallied((order_of(t, highest=5) == 4 for t in sets(results)), "sets")
@@ -114,7 +117,7 @@ def table_4_fourth_order(results: Results) -> Decision:
 )
 def table_4_stages(results: Results) -> Decision:
     found = sorted({t.stages for t in sets(results)})
-    return either(found == [5, 6, 7, 8, 9], ", ".join(map(str, found)))
+    return either(found == [5, 6, 7, 8, 9], f"{', '.join(map(str, found))} stages")
 
 
 @in_section_4a(
@@ -135,16 +138,16 @@ def table_4_names(results: Results) -> Decision:
     paper="Table 4",
     sentence="Obtained splitting coefficients with 77 digits",
     statement="The coefficients are printed with 77 digits",
-    threshold="76 decimals each; the paper counts the 0 before the point as the 77th digit",
+    threshold="each coefficient has 76 decimals. The paper counts the 0 before the point as the 77th digit",
 )
 def table_4_77_digits(results: Results) -> Decision:
     values = [value for t in sets(results) for _, _, value in independent(t)]
     good = (len(value.partition(".")[2]) == DECIMALS for value in values)
-    return tallied(good, f"coefficients have {DECIMALS} decimals and the 0 in front")
+    return tallied(good, f"coefficients have {DECIMALS} decimals and a 0 before the point")
 
 
 def _wrong_digits(results: Results) -> tuple[list[str], int]:
-    """The printed coefficients that are not those derived, and the number of all."""
+    """Return the printed coefficients that differ from the derived coefficients, and the number of all coefficients."""
     rows = results.rows("table4_derived")
     return [f"{r['coefficient']} of {r['set']}" for r in rows if r["agreeing decimals"] != str(DECIMALS)], len(rows)
 
@@ -155,25 +158,28 @@ C3 = "c(3) of BAB's8o7H"
 @result(
     paper="Table 4",
     sentence="Obtained splitting coefficients with 77 digits",
-    statement=f"Each printed coefficient but {C3} is right to its last digit",
-    threshold="off by less than a unit of the 76th decimal: the 17 coefficients of unique sets from those derived from "
-    "random starts, the others from the printed set continued to 128 digits by Newton's method",
+    statement=f"Each printed coefficient except {C3} is correct to its last digit",
+    threshold="each coefficient differs from its reference by less than a unit of the 76th decimal. The references for "
+    "the 17 coefficients of unique sets are derived from random starts. The other references are the printed sets, "
+    "continued to 128 digits by Newton's method",
     needs=DERIVED,
 )
 def table_4_derived(results: Results) -> Decision:
     wrong, count = _wrong_digits(results)
     bad = [name for name in wrong if name != C3]
     good = count - 1 - len(bad)
-    return counted([not bad, good > 0], f"{good} of {count - 1}" + (f"; not {', '.join(bad)}" if bad else ""))
+    wrong_ones = f"; wrong are {', '.join(bad)}" if bad else ""
+    return counted([not bad, good > 0], f"{good} of {count - 1} coefficients{wrong_ones}")
 
 
 @misprint(
     paper="Table 4, BAB's8o7H",
     sentence="c(3) =-0.0149646736494517061945681450558142918831874360003431672632178480031079700216",
     statement=f"{C3} ends in 0216",
-    threshold="off by less than a unit of the 76th decimal from the printed set continued to 128 digits by Newton's "
-    "method, which changes no digit of the other coefficients. None of these, moved by up to 12 units of its last "
-    "decimal, brings the largest of κ₁ to κ₇ below 1.4 × 10⁻⁷⁴",
+    threshold="the printed value differs by less than a unit of the 76th decimal from its reference. The reference is "
+    "the printed set, continued to 128 digits by Newton's method. The continuation changes no digit of the other "
+    "coefficients. A change of another coefficient by up to 12 units of its last decimal leaves the largest of κ₁ to "
+    "κ₇ above 1.4 × 10⁻⁷⁴",
     needs=DERIVED,
 )
 def table_4_c3(results: Results) -> Decision:
@@ -183,23 +189,23 @@ def table_4_c3(results: Results) -> Decision:
     method = results.method("babps8o7h")
     left = [_vanish(one, 7) for one in (method, _with_inner(method, 2, found))]
     value = (
-        f"printed ...{printed[-8:]}, continued ...{found[-8:]}{_first_change(printed, found)}; with the latter the "
-        f"largest of κ₁ to κ₇ is {short(left[1], 2)} in place of {short(left[0], 2)}"
+        f"printed ...{printed[-8:]}, continued ...{found[-8:]}{_first_change(printed, found)}. With the latter value "
+        f"the largest of κ₁ to κ₇ is {short(left[1], 2)} in place of {short(left[0], 2)}"
     )
     return either(decimals == str(DECIMALS), value)
 
 
 def _first_change(printed: str, found: str) -> str:
-    """The first decimal in which two decimal fractions differ, in words; nothing if none does."""
+    """Describe the first decimal in which two decimal fractions differ; return "" if they are equal."""
     places = [i for i, (a, b) in enumerate(zip(printed, found, strict=True)) if a != b]
     if not places:
         return ""
     i = places[0]
-    return f": decimal {i - printed.index('.')} is {found[i]}, not {printed[i]}"
+    return f"; decimal {i - printed.index('.')} is {found[i]}, not {printed[i]}"
 
 
 def _with_inner(method: Tableau, index: int, text: str) -> Tableau:
-    """``method`` with another coefficient in its even inner row, the middle ones keeping the sum 1."""
+    """Replace a coefficient in the even inner row of ``method``; the middle coefficients keep the sum 1."""
     half = [*method.inner[: len(method.inner) // 2]]
     half[index] = text
     with localcontext(prec=100):
@@ -213,7 +219,7 @@ def _with_inner(method: Tableau, index: int, text: str) -> Tableau:
     sentence="Four unique sets of splitting coefficients are presented in the following section",
     statement="Four of the sets are unique: ABAs5o6H A, B, C and BABs6o7H. A unique set is an isolated solution, not a "
     "member of a family",
-    threshold="each is one of the isolated real solutions, proved to exist, in all 76 decimals",
+    threshold="each set agrees in all 76 decimals with an isolated real solution that is proved to exist",
     needs=("derived/coefficients.toml",),
 )
 def four_unique_sets(results: Results) -> Decision:
@@ -227,7 +233,7 @@ COUNTS = (
         paper="Table 4, first and second heading",
         sentence="Unique ABAs5o6H, A, B and C",
         statement="With five stages and harmonic order six there are four real solutions; the paper presents three",
-        threshold="four real solutions, counted by elimination and Sturm's theorem, which miss none",
+        threshold="there are four real solutions. Elimination and Sturm's theorem count them and miss none",
         needs=("tables/derived_counts.csv",),
     )(partial(solutions, 5, lambda count: count == 4, " with five stages")),
     result(
@@ -235,7 +241,7 @@ COUNTS = (
         paper="Table 4, second heading",
         sentence="Unique BABs6o7H (more exist)",
         statement="BABs6o7H is not the only isolated solution with six stages and harmonic order seven",
-        threshold="more than one real solution, counted by elimination and Sturm's theorem",
+        threshold="there is more than one real solution, counted by elimination and Sturm's theorem",
         needs=("tables/derived_counts.csv",),
     )(partial(solutions, 6, lambda count: count > 1, " with six stages")),
 )
@@ -244,46 +250,46 @@ COUNTS = (
 @in_section_4a(
     sentence="Unique solutions satisfy both the ABA and BAB decompositions",
     statement="Unique solutions satisfy both the ABA and BAB decompositions",
-    threshold=f"κ₁ to κ_(λ_H) of both compositions, each {BELOW_ZERO}",
+    threshold=f"each of κ₁ to κ_(λ_H) of both compositions is {BELOW_ZERO}",
     bound=PRINTED_ZERO,
 )
 def unique_sets_solve_both(results: Results, zero: float) -> Decision:
     left = {}
     for t in map(results.method, UNIQUE):
         left[t.label] = max(_vanish(t.role(first), t.harmonic_order or 0) for first in ("drift", "kick"))
-    bad = ", ".join(f"{label} has a term of {short(one, 2)}" for label, one in left.items() if one >= zero)
+    bad = ", ".join(f"{label} has an error term of {short(one, 2)}" for label, one in left.items() if one >= zero)
     return tallied((one < zero for one in left.values()), "sets", f"; {bad}" if bad else "")
 
 
 def _sides(prime: bool, results: Results) -> Decision:
-    """Decide whether each BAB or BAB' set has the momentum, the position if ``prime``, of lower order."""
+    """Decide whether the momentum of each BAB set, or the position of each BAB' set if ``prime``, has lower order."""
     good, told = [], []
     for t in sets(results):
         if t.first == "kick" and ("'" in t.label) == prime:
             found = harmonic_orders_of(t)
             good.append(found.position < found.momentum if prime else found.momentum < found.position)
             told.append(f"{t.label} q {found.position}, p {found.momentum}")
-    return tallied(good, f"sets: {'; '.join(told)}")
+    return tallied(good, f"sets; harmonic orders: {'; '.join(told)}")
 
 
 SIDES = (
     in_section_4a(
         id="bab-leaves-p",
         sentence="the error of p_(s+1) remains unaddressed for the BAB solution",
-        statement="The conditions of a BAB set leave the momentum a lower harmonic order than the position",
-        threshold="the proved harmonic order of p below that of q, for the BAB sets of Table 4",
+        statement="In a BAB set the momentum has a lower harmonic order than the position",
+        threshold="for each BAB set of Table 4 the proved harmonic order of p is lower than the order of q",
     )(partial(_sides, False)),
     in_section_4a(
         id="bab-prime-leaves-q",
         sentence="as opposed to BAB' solution where the error of q_(s+1) remains unaddressed",
-        statement="The conditions of a BAB' set leave the position a lower harmonic order than the momentum",
-        threshold="the proved harmonic order of q below that of p, for the BAB' sets of Table 4. BAB's7o6H tells "
-        "nothing: terms of even order are equal for q and p",
+        statement="In a BAB' set the position has a lower harmonic order than the momentum",
+        threshold="for each BAB' set of Table 4 the proved harmonic order of q is lower than the order of p. BAB's7o6H "
+        "is no evidence, because terms of even order are equal for q and p",
     )(partial(_sides, True)),
 )
 
 
-# --- Size of the coefficients of Table 4, and so of the substeps. -----------------------------------------------------
+# --- Size of the coefficients of Table 4, and thus of the substeps. ---------------------------------------------------
 
 
 def _size(tableau: Tableau) -> float:
@@ -296,7 +302,7 @@ near_forward = result(
     sentence="The presented splitting coefficients generally have small absolute values and are therefore referred "
     "to as near-forward SIs",
     statement="The presented coefficients generally have small absolute values",
-    threshold=f"more than half of the ten sets have no coefficient above 1; {SMALL.brief}; {GENERALLY.brief}",
+    threshold=f"more than half of the ten sets have no coefficient above 1. {SMALL.words}. {GENERALLY.words}",
     bound=SMALL.number,
 )(lambda results, small: either(*_small(results, small)))
 
@@ -305,8 +311,8 @@ near_forward = result(
     sentence="BABs7o7H and other splitting coefficients obtained in this paper generally perform small near-forward "
     "steps",
     statement="BABs7o7H and the other sets generally perform small substeps",
-    threshold=f"BABs7o7H and more than half of the ten sets have no coefficient above 1; {SMALL.brief}; "
-    f"{GENERALLY.brief}",
+    threshold=f"BABs7o7H and more than half of the ten sets have no coefficient above 1. {SMALL.words}. "
+    f"{GENERALLY.words}",
     bound=SMALL.number,
 )
 def small_near_forward_steps(results: Results, small: float) -> Decision:
@@ -315,19 +321,19 @@ def small_near_forward_steps(results: Results, small: float) -> Decision:
 
 
 def _small(results: Results, small: float) -> tuple[bool, str]:
-    """Return True if the sets generally have small coefficients, and their sizes."""
+    """Return True if the sets generally have small coefficients, and the largest coefficients in words."""
     others = ", ".join(f"{label(n)} {short(_size(results.method(n)))}" for n in ("ruth", "yoshida_s7o6a", "s5odr4"))
     sizes = sorted((_size(t), t.label) for t in sets(results))
     good = [size <= small for size, _ in sizes]
-    least, most = (f"{name} {short(size)}" for size, name in (sizes[0], sizes[-1]))
-    value = f"{sum(good)} of {len(good)} sets; largest coefficient from {least} to {most}; {others}"
+    least, most = (f"{short(size)} ({name})" for size, name in (sizes[0], sizes[-1]))
+    value = f"{sum(good)} of {len(good)} sets; largest coefficient {least} to {most}; for comparison {others}"
     return sum(good) > GENERALLY.number * len(good), value
 
 
 @in_discussion(
     sentence="some of the methods presented in Table 4 only have small coefficients for either d or c",
     statement="Some of the methods of Table 4 only have small coefficients for either d or c",
-    threshold="for at least one set the coefficients of one row are small compared to the other: at most half as large",
+    threshold="in at least one set the largest coefficient of one row is at most half the largest of the other row",
     bound=2.0,
 )
 def small_coefficients_of_one_row(results: Results, ratio: float) -> Decision:
@@ -335,19 +341,19 @@ def small_coefficients_of_one_row(results: Results, ratio: float) -> Decision:
     for t in sets(results):
         d, c = largest(*t.outer), largest(*t.inner)
         if max(c, d) >= ratio * min(c, d):
-            told.append(f"{t.label} {'c' if c > d else 'd'} by {short(max(c, d) / min(c, d), 2)}")
-    return either(bool(told), f"{len(told)} sets, larger in: {', '.join(told)}" if told else "no set")
+            told.append(f"{t.label} {'c/d' if c > d else 'd/c'} = {short(max(c, d) / min(c, d), 2)}")
+    return either(bool(told), f"{len(told)} sets; ratio of largest c and d: {', '.join(told)}" if told else "no set")
 
 
-# --- What methods trained by the energy error bear on. ----------------------------------------------------------------
+# --- Statements that methods trained by the energy error affect. ------------------------------------------------------
 
 TRAINED = "cubes/trained.h5"
-#: The ensembles of random potentials whose strengths span the widest band, as the cube names them.
+#: Names in the cube of the ensembles of random potentials with the widest band of strengths.
 ENSEMBLES = ("d = 2, 0.01 to 0.5", "d = 3, 0.01 to 0.5")
-ENSEMBLE_WORDS = "random potentials of two and three coordinates and strengths of 0.01 to 0.5"
-#: Half way from no relation to one without exception.
+ENSEMBLE_WORDS = "random potentials with two and three coordinates and strengths of 0.01 to 0.5"
+#: Half way from no relation to a strict relation.
 RELATED = 0.5
-#: A random order of so many methods reaches RELATED in one of twenty cases; of fewer methods, in more.
+#: A random order of this number of methods reaches RELATED in one of twenty cases; fewer methods reach it more often.
 FEWEST_METHODS = 12
 
 
@@ -356,7 +362,7 @@ def errors_on_random_potentials(results: Results) -> xr.DataArray:
     cube = results.cube("trained")
     for name in ENSEMBLES:
         require(name in cube["ensemble"].values, f"the results do not have the random potentials {name}")
-    # Methods with modified potentials, which spend gradients on small coefficients, are not among those looked at.
+    # Methods with modified potentials, which spend gradients on small coefficients, are no methods of the statements.
     both = cube.sel(ensemble=list(ENSEMBLES))
     tau = both["tau_per_stage"].values[0]
     errors = both["mean_log_error"].mean("ensemble").transpose("integrator", "point")
@@ -365,7 +371,7 @@ def errors_on_random_potentials(results: Results) -> xr.DataArray:
 
 
 def lead_of_trained(results: Results, names: Sequence[str], what: str) -> str:
-    """Say where trained methods err less than the methods ``names``, called ``what``; nothing without their results."""
+    """Describe where trained methods have smaller errors than ``names``, called ``what``; "" without results."""
     if not results.has(TRAINED):
         return ""
     try:
@@ -378,8 +384,8 @@ def lead_of_trained(results: Results, names: Sequence[str], what: str) -> str:
     lead = (errors.sel(integrator=list(names)).min("integrator") - trained.min("integrator")).values
     low, high = short(lead.min(), 2), short(lead.max(), 2)
     return (
-        f"; on {ENSEMBLE_WORDS}, which are not in the paper, methods trained on other such potentials are ahead of "
-        f"{what} at {(lead > 0).sum()} of {lead.size} step sizes, the best by {low} to {high} decades"
+        f". Outside the paper, on {ENSEMBLE_WORDS}, methods trained on other random potentials have smaller errors "
+        f"than {what} at {(lead > 0).sum()} of {lead.size} step sizes, the best one by {low} to {high} decades"
     )
 
 
@@ -387,12 +393,12 @@ def lead_of_trained(results: Results, names: Sequence[str], what: str) -> str:
     paper="Section 1",
     sentence="To construct more efficient high order SIs it has been proposed that the absolute value of negative "
     "coefficients and the sum of positive coefficients should be minimized",
-    statement="Methods with smaller negative coefficients and a smaller sum of positive ones have smaller errors",
-    threshold="Spearman's rank correlation of the sum of absolute values of the coefficients with the mean error at "
-    f"least {RELATED} at each τ/s, over all registered methods of order four or more without the force gradient, on "
-    f"{ENSEMBLE_WORDS}. Such a correlation is half way from none to a strict one; {FEWEST_METHODS} methods in random "
-    "order reach it in one of twenty cases. Each row sums to 1, so negative coefficients, positive ones and their "
-    "absolute values rank the methods alike",
+    statement="Smaller negative coefficients and a smaller sum of positive coefficients give smaller errors",
+    threshold="Spearman's rank correlation between the sum of absolute coefficients and the mean error is at least "
+    f"{RELATED} at each τ/s. It includes all registered methods of order four or more without the force gradient, on "
+    f"{ENSEMBLE_WORDS}. Such a correlation is half way from no relation to a strict relation, and {FEWEST_METHODS} "
+    "methods in random order reach it in one of twenty cases. Each row sums to 1, so the negative coefficients, the "
+    "positive coefficients and the absolute values rank the methods alike",
     bound=RELATED,
     needs=(TRAINED,),
 )
@@ -409,7 +415,7 @@ def minimised_coefficients(results: Results, related: float) -> Decision:
     told.append(f"{short(related, 2)} or more at {good.sum()} of {good.size} step sizes")
     if fourth.sum() >= FEWEST_METHODS:
         among = _correlation(sums[fourth], errors.values[fourth])
-        told.append(f"among those of order four alone {short(among.min(), 2)} to {short(among.max(), 2)}")
+        told.append(f"{short(among.min(), 2)} to {short(among.max(), 2)} for methods of order four alone")
     return counted(good.tolist(), "; ".join([*told, *_leaders(errors, sums)]))
 
 
@@ -418,24 +424,22 @@ def _correlation(sums: Floats, mean_log: Floats) -> Floats:
 
 
 def _leaders(errors: xr.DataArray, sums: Floats) -> Iterator[str]:
-    """The methods of least error with their sums, and what the method of the least sum loses to them."""
+    """Describe the methods with the smallest errors and their sums, and the errors of the method with the least sum."""
     names, x = errors["integrator"].values.tolist(), errors["tau_per_stage"].values
     leaders, led = errors.values.argmin(axis=0).tolist(), []
     for best, points in groupby(range(len(leaders)), leaders.__getitem__):
         first, *_, last = [short(float(x[i])) for i in points] * 2
         led.append(f"{label(names[best])} ({short(float(sums[best]))}) at {' to '.join(dict.fromkeys((first, last)))}")
-    yield f"least error, with the sum: {', '.join(led)}"
+    yield f"methods with the smallest error, and their sums: {', '.join(led)}"
     small = int(sums.argmin())
     ratios = pow(10.0, errors.values[small] - errors.values.min(axis=0))
-    of = f"{short(sums[small])}, of {label(names[small])}"
-    yield f"the least sum is {of}, with {short(ratios.min())} to {short(ratios.max())} times the least error"
+    of = f"{short(sums[small])} ({label(names[small])})"
+    yield f"the smallest sum is {of}, with {short(ratios.min())} to {short(ratios.max())} times the smallest error"
 
 
 # --- Roles of the rows of Table 4, and their effect on the errors. ----------------------------------------------------
 
 TABLES = ("tables/derived_errors.csv", "tables/derived_solutions.csv")
-
-
 #: The first d that Table 4 prints for each set with five stages.
 PRINTED_D1 = {"abas5o6h": "0.15585935", "abas5o6h_b": "0.40201960", "abas5o6h_c": "0.18685656"}
 
@@ -443,35 +447,35 @@ PRINTED_D1 = {"abas5o6h": "0.15585935", "abas5o6h_b": "0.40201960", "abas5o6h_c"
 @misprint(
     paper="Section 2, above Table 1, and Table 4",
     sentence="the c and d coefficients are consistently used in connection with the ∂T/∂p and ∂V/∂q term respectively",
-    statement="In Table 4 c always multiplies ∂T/∂p and d always ∂V/∂q",
-    threshold="d(1) is the first kick of each ABA set. By Table 1 an ABA method has one c more than d; the sets with "
+    statement="In Table 4 c always multiplies ∂T/∂p, and d always multiplies ∂V/∂q",
+    threshold="d(1) is the first kick of each ABA set. By Table 1 an ABA method has one c more than d. The sets with "
     "five stages are printed with six d and five c",
 )
 def table_4_columns(results: Results) -> Decision:
     rows = {name: results.method(name).kick for name in PRINTED_D1}
     good = [rows[name][0].startswith(first) for name, first in PRINTED_D1.items()]
-    return counted(good, f"in {sum(good)} of {len(good)} sets: as ABA they have {len(rows['abas5o6h'])} kicks, not six")
+    return counted(good, f"{sum(good)} of {len(good)} sets; as ABA they have {len(rows['abas5o6h'])} kicks, not six")
 
 
 @in_discussion(
     sentence="the integrator performance may change drastically if the roles of T and V are switched",
     statement="The performance may change drastically if the roles of T and V are switched",
-    threshold="maximum error of ABAs5o6H on the Hénon-Heiles system at least ten times larger with T and V exchanged, "
-    f"at each of three τ/s; {GREATLY.brief}",
+    threshold="the maximum error of ABAs5o6H on the Hénon-Heiles system is at least ten times larger with T and V "
+    f"exchanged, at each of three τ/s. {GREATLY.words}",
     bound=GREATLY.number,
     needs=TABLES,
 )
 def roles_switched(results: Results, factor: float) -> Decision:
     ratios = _kick_over_drift(results, "abas5o6h")
     listed = ", ".join(f"{short(ratio)} at τ/s = {tau}" for tau, ratio in ratios.items())
-    return counted([ratio >= factor for ratio in ratios.values()], listed)
+    return counted([ratio >= factor for ratio in ratios.values()], f"ratio of the errors: {listed}")
 
 
 @in_section_4a(
     sentence="the performance of the presented solutions depends on the applied scheme",
     statement="The performance of unique solutions depends on the applied scheme",
-    threshold="maximum errors of ABAs5o6H A, B and C on the Hénon-Heiles system a tenth of a decade apart or more as "
-    "ABA and as BAB, at each of three τ/s: visible in a figure",
+    threshold="on the Hénon-Heiles system the maximum errors of ABAs5o6H A, B and C as ABA and as BAB differ by at "
+    "least a tenth of a decade, at each of three τ/s. Such a difference is visible in a figure",
     bound=DOT,
     needs=TABLES,
 )
@@ -481,11 +485,11 @@ def performance_depends_on_scheme(results: Results, dot: float) -> Decision:
         ratios = _kick_over_drift(results, name).values()
         good += [max(ratio, 1 / ratio) >= dot for ratio in ratios]
         told.append(f"{label(name)} {short(min(ratios), 2)} to {short(max(ratios), 2)}")
-    return counted(good, f"error as BAB over that as ABA: {', '.join(told)}")
+    return counted(good, f"ratio of the error as BAB to the error as ABA: {', '.join(told)}")
 
 
 def _kick_over_drift(results: Results, name: str) -> dict[str, float]:
-    """Maximum error of a set with five stages kick first over that drift first, by step size per stage."""
+    """Return the ratio of the maximum errors of a set with five stages, kick first to drift first, by tau/s."""
     start = f"{float(results.method(name).outer[0]):.8f}"
     found = [
         row["solution"]
@@ -503,11 +507,11 @@ def _kick_over_drift(results: Results, name: str) -> dict[str, float]:
 
 # --- Section 4.B: the list of the ten methods, double precision and compensated summation. ----------------------------
 
-#: The modules of the ten methods but Nielsen's own: what they declare is covered by the digest of the job.
+#: The modules of the ten methods except Nielsen's: the digest of the job covers their declarations.
 SOURCES = (blanes_2013, forest_ruth_1990, kahan_li_1997, yoshida_1990)
 
 in_list = partial(background, paper="Section 4.B, list of the ten")
-#: Stages as the list prints them.
+#: Stages in the printed list.
 LISTED = {
     "ruth": 3, "s5odr4": 5, "aba104": 7, "aba864": 7, "aba1064": 8, "yoshida_s7o6a": 7, "abas5o6h": 5, "babs7o7h": 7,
     "babps8o7h": 7, "babps9o7h": 9,
@@ -523,21 +527,21 @@ YOSHIDA_TABLE_1 = {
 
 @in_list(
     sentence="The following 10 symmetric SIs are benchmarked",
-    statement="Of the ten methods all but BAB's8o7H have the listed number of stages",
-    threshold="equal to the number of coefficients in the shorter row",
+    statement="All of the ten methods except BAB's8o7H have the listed number of stages",
+    threshold="the listed number is the number of coefficients in the shorter row",
 )
 def listed_stages(results: Results) -> Decision:
     found = {name: results.method(name).stages for name in LISTED if name != "babps8o7h"}
     bad = [f"{label(name)} has {found[name]}, not {LISTED[name]}" for name in found if found[name] != LISTED[name]]
     good = len(found) - len(bad)
-    return counted([good > 0, not bad], f"{good} of {len(found)}" + (f"; {', '.join(bad)}" if bad else ""))
+    return counted([good > 0, not bad], f"{good} of {len(found)} methods" + (f"; {', '.join(bad)}" if bad else ""))
 
 
 @misprint(
     paper="Section 4.B, list of the ten",
     sentence="BAB's8o7H [BAB] 7-stage, 4th order",
     statement="BAB's8o7H has seven stages",
-    threshold="equal to the number of coefficients in the shorter row; the name of the method says eight as well",
+    threshold="the shorter row has as many coefficients. The name of the method says eight stages",
 )
 def listed_stages_babps8o7h(results: Results) -> Decision:
     stages = results.method("babps8o7h").stages
@@ -546,18 +550,18 @@ def listed_stages_babps8o7h(results: Results) -> Decision:
 
 @in_list(
     sentence="Yosh s7o6 A [ABA] 7-stage, 6th order",
-    statement="Yosh s7o6 A is of sixth order, the others of fourth",
-    threshold="orders for any separable Hamiltonian, proved in the free Lie algebra",
+    statement="Yosh s7o6 A has order six, and the other methods have order four",
+    threshold="these orders for any separable Hamiltonian are proved in the free Lie algebra",
 )
 def listed_orders(results: Results) -> Decision:
     good = [order_of(results.method(name), highest=7) == (6 if name == "yoshida_s7o6a" else 4) for name in BENCHMARKED]
-    return counted(good, f"{sum(good)} of 10")
+    return counted(good, f"{sum(good)} of 10 methods")
 
 
 @in_list(
     sentence="ABA864 [ABA] 7-stage, 8-6-4 generalized order",
     statement="ABA104, ABA864 and ABA1064 are of generalized order 10-4, 8-6-4 and 10-6-4",
-    threshold="generalised orders, proved in the free Lie algebra",
+    threshold="these generalised orders are proved in the free Lie algebra",
     needs=("tables/integrators.csv",),
 )
 def listed_generalised_orders(results: Results) -> Decision:
@@ -567,7 +571,7 @@ def listed_generalised_orders(results: Results) -> Decision:
     return counted(good, ", ".join(f"{label(name)} {order}" for name, order in found.items()))
 
 
-#: Weights of s5odr4 as programs that use it print them, in 20 decimals: the outer four, and the middle one.
+#: Weights of s5odr4 in 20 decimals, as printed in programs that use it: the outer four, and the middle one.
 S5ODR4 = ("0.41449077179437573714", "-0.65796308717750294857")
 
 
@@ -575,8 +579,9 @@ S5ODR4 = ("0.41449077179437573714", "-0.65796308717750294857")
     paper="Abstract and Section 4.B, list of the ten",
     sentence="acclaimed integrators composed by S. Blanes et al. (2013), W. Kahan et al. (1999) and H. Yoshida (1990)",
     statement="s5odr4 was first composed by Kahan",
-    threshold="its weights, in 20 decimals and in the runs, differ by more than a unit of the last decimal from "
-    "those of Suzuki (1990), four times 1/(4 - 4^(1/3)). The name is of Kahan and Li (1997), whom the list cites",
+    threshold="the weights of s5odr4, in 20 decimals and in the runs, differ by more than a unit of the last decimal "
+    "from Suzuki's weights (1990), four times 1/(4 - 4^(1/3)). The name s5odr4 is by Kahan and Li (1997), cited in the "
+    "list",
     bound=1e-20,
 )
 def s5odr4_of_kahan(results: Results, unit: float) -> Decision:
@@ -586,7 +591,7 @@ def s5odr4_of_kahan(results: Results, unit: float) -> Decision:
         printed, middle = map(mpf, S5ODR4)
         rows = [[printed, printed, middle, printed, printed], list(map(mpf, results.method("s5odr4").inner))]
         off = [float(max(abs(c - w) for c, w in zip(row, suzuki, strict=True))) for row in rows]
-    value = f"Suzuki's weights within {short(off[0], 1)} as printed and {short(off[1], 1)} in the runs"
+    value = f"the weights are Suzuki's within {short(off[0], 1)} as printed, and within {short(off[1], 1)} in the runs"
     return either(max(off) > unit, value)
 
 
@@ -594,14 +599,14 @@ def s5odr4_of_kahan(results: Results, unit: float) -> Decision:
     paper="Section 4.B, below the list",
     sentence="Yosh s7o6 A yields the smallest errors of the three stage-optimized sixth order integrators presented by "
     "[Yoshida]",
-    statement="Yosh s7o6 A yields the smallest errors of Yoshida's three with seven stages",
-    threshold="norm of its leading error term, of degree 7 in the Lyndon basis, below those of B and C",
+    statement="Of Yoshida's three methods with seven stages, Yosh s7o6 A yields the smallest errors",
+    threshold="the norm of the leading error term, of degree 7 in the Lyndon basis, is smaller for A than for B and C",
     bound=1.0,
 )
 def yoshida_a_smallest(results: Results, ratio: float) -> Decision:
     norms = _norms(results)
     listed = ", ".join(f"{letter} {short(norm)}" for letter, norm in norms.items())
-    return either(norms["A"] < ratio * min(norms[letter] for letter in YOSHIDA_TABLE_1), listed)
+    return either(norms["A"] < ratio * min(norms[letter] for letter in YOSHIDA_TABLE_1), f"norms: {listed}")
 
 
 @once
@@ -611,24 +616,24 @@ def _norms(results: Results) -> dict[str, float]:
 
 
 def composed(letter: str) -> Tableau:
-    """The composition of seven leapfrog steps with the weights of one of Yoshida's solutions."""
+    """Compose seven leapfrog steps with the weights of one of Yoshida's solutions."""
     with mp.workdps(30):
         outer = [mpf(w) for w in YOSHIDA_TABLE_1[letter]]
         weights = [*outer, 1 - 2 * sum(outer), *reversed(outer)]
         return leapfrogs(weights, name=f"yoshida_s7o6{letter.lower()}", label=f"Yosh s7o6 {letter}", order=6, digits=14)
 
 
-#: Half the distance of doubles at 1: what one rounding may change.
+#: Half the distance of doubles at 1: the largest change by one rounding.
 UNIT = float(np.finfo(float).eps / 2)
 
 
 @background(
     paper="Section 4.B, below the list",
     sentence="Compensated summation drastically reduces truncation errors for long-term symplectic integration",
-    statement="Compensated summation drastically reduces errors of rounding in long integrations",
-    threshold="the root mean square of the energy error by rounding at least ten times larger with plain than with "
-    f"compensated sums, for each method; median of the last 20 samples; {GREATLY.brief}. The paper calls rounding "
-    "truncation",
+    statement="Compensated summation drastically reduces rounding errors in long integrations",
+    threshold="for each method the root mean square of the energy error by rounding is at least ten times larger with "
+    "plain sums than with compensated sums. The ratio is a median over the last 20 samples. "
+    f"{GREATLY.words}. The paper calls rounding errors truncation errors",
     bound=GREATLY.number,
     needs=("cubes/stability_rounding.h5",),
 )
@@ -637,8 +642,8 @@ def compensated_summation(results: Results, factor: float) -> Decision:
     rms = cube["energy_error_rms"].isel(sample=slice(-20, None))
     gains = (rms.sel(source="plain") / rms.sel(source="compensated")).median("sample").values
     worst = label(str(cube["integrator"].values[gains.argmin()]))
-    told = f"; gains {short(gains.min(), 2)} ({worst}) to {short(gains.max(), 2)}"
-    # The runs, as far as the cube says.
+    told = f"; ratios {short(gains.min(), 2)} ({worst}) to {short(gains.max(), 2)}"
+    # Number, length and steps of the runs, if the cube has them.
     told += f"; {cube.sizes['orbit']} Kepler orbits" if "orbit" in cube.sizes else ""
     if "time" in cube:
         ends = cube["time"].values[:, -1]
@@ -650,15 +655,15 @@ def compensated_summation(results: Results, factor: float) -> Decision:
 @finding(
     paper="Figure 1, dashed lines; the statement is this project's",
     sentence="The dashed lines show benchmark profiles for integrators of corresponding color using extended precision",
-    statement="Double precision with compensated summation follows extended precision down to its floor of rounding",
+    statement="Double precision with compensated summation agrees with extended precision down to its rounding floor",
     threshold="maximum errors in double and extended precision differ by at most 10 roundings of a double, 1.1 × "
-    "10⁻¹⁵, at every step size with both: energies are of order 1, and an energy takes five roundings",
+    "10⁻¹⁵, at every step size with both precisions. Energies are of order 1, and an energy takes five roundings",
     bound=10.0,
     needs=("cubes/sho.h5",),
 )
 def floor_of_double(results: Results, roundings: float) -> Decision:
     cube = results.cube("sho")
-    require("extended" in cube["precision"].values, "the config asks for no extended precision on the oscillator")
+    require("extended" in cube["precision"].values, "the config requests no extended precision on the oscillator")
     double, extended = (cube["max_energy_error"].sel(precision=one).values for one in ("double", "extended"))
     known = np.isfinite(double) & np.isfinite(extended)
     off = np.abs(double[known] - extended[known])
@@ -666,5 +671,5 @@ def floor_of_double(results: Results, roundings: float) -> Decision:
     floor = double[known & (extended < UNIT)]
     beside = f", largest difference {short(off.max(), 2)}"
     if floor.size:
-        beside += f"; floor of the double curves {short(floor.min(), 2)} to {short(floor.max(), 2)}"
+        beside += f"; rounding floor of the double curves {short(floor.min(), 2)} to {short(floor.max(), 2)}"
     return tallied((off <= roundings * UNIT).tolist(), "runs", beside)

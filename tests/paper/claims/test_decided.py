@@ -1,4 +1,4 @@
-"""The verdicts: their table and their sums; missing, damaged, small and odd results; the committed documents."""
+"""The verdicts: their table and their numbers; missing, damaged, small and odd results; the committed documents."""
 
 import csv
 import json
@@ -25,7 +25,7 @@ from support.results.stated_numbers import ROOT
 
 
 SYSTEMS = ("sho", "henon_heiles", "kepler")
-#: Targets whose files may be looked at, written down here and not asked for.
+#: Targets whose files the statements may use, written out here and not derived.
 ALLOWED = {"all": TARGETS["all"] | {f"cubes/{name}.h5" for name in (*SYSTEMS, "sho_terms", "henon_heiles_chaos",
                                                               "substeps_displaced")},
            "derive": TARGETS["derive"], "stability": TARGETS["stability"],
@@ -34,19 +34,19 @@ ALLOWED = {"all": TARGETS["all"] | {f"cubes/{name}.h5" for name in (*SYSTEMS, "s
 
 @pytest.fixture(scope="module")
 def entries():
-    """The entries of all statements on recorded results, for reading alone."""
+    """Return the entries of all statements on recorded results, not to be changed."""
     return decide(held_results())
 
 
 @pytest.fixture(scope="module")
 def undecided(tmp_path_factory):
-    """The entries of all statements on an empty folder, for reading alone."""
+    """Return the entries of all statements on an empty folder, not to be changed."""
     return json.loads(decided(tmp_path_factory.mktemp("empty"))["document"], parse_constant=pytest.fail)
 
 
 @pytest.fixture
 def folder(tmp_path):
-    """A folder of results in which half of the files are missing."""
+    """Return a folder of results without half of the files."""
     for name in FILES[::2]:
         (unpack(tmp_path) / name).unlink()
     return tmp_path
@@ -75,7 +75,7 @@ def test_entry_has_agreed_keys_and_words(undecided):
         assert bool(entry["margin"]) == (entry["verdict"] != OPEN)
 
 
-def test_empty_folder_leaves_undecided_what_needs_file_and_names_target(undecided):
+def test_empty_folder_leaves_statements_open_and_names_their_targets(undecided):
     times = {one.cubes_target: one.cubes_duration for one in experiments().values()}
     for claim, entry in zip(CLAIMS, undecided, strict=True):
         assert (entry["verdict"] == OPEN) == bool(claim.needs), claim.id
@@ -92,8 +92,8 @@ def test_target_of_statement_makes_files_that_it_needs():
 
 
 @pytest.mark.slow
-def test_statement_reads_no_file_but_those_that_it_names():
-    """Without any one file, the statements that name it are open, and no other changes."""
+def test_statement_reads_only_the_files_that_it_names():
+    """Without one file, the statements that name it are open, and all others are unchanged."""
     whole = verdicts_on(held_results())
     for stem in ("sho_terms", "derived_counts"):
         results = held_results()
@@ -173,7 +173,7 @@ def test_damaged_file_is_named_with_command_that_makes_it_again(tmp_path, name, 
 
 @pytest.mark.slow
 def test_a_method_of_a_users_config_changes_no_verdict(entries):
-    """In every cube a method of the worst numbers, in every table of methods one of no order."""
+    """Every cube has an additional method with bad numbers, every table of methods has a method without an order."""
     results = held_results()
     for name, cube in results.cubes.items():
         if "integrator" in cube.dims:
@@ -188,13 +188,13 @@ def test_a_method_of_a_users_config_changes_no_verdict(entries):
     assert decide(results) == entries
 
 
-def test_statements_look_at_the_methods_that_the_job_names(tmp_path):
+def test_statements_use_the_methods_that_the_job_names(tmp_path):
     (claim,) = (claim for claim in CLAIMS if claim.id == "negative-coefficients")
     methods = {name: held_results().methods[name] for name in ("ruth", "leapfrog")}
     assert claim.decision(Results(tmp_path, methods)).value == "1 of 1 registered methods of order above 2"
 
 
-# --- docs/claims.json: results decide it again, and README and docs/results/claims.md are made from it ----------------
+# --- docs/claims.json is decided again; README and docs/results/claims.md are made from it ----------------------------
 
 
 TEXT = (ROOT / "docs/claims.json").read_text(encoding="utf-8")
@@ -207,8 +207,8 @@ def test_page_is_made_from_the_committed_verdicts():
     assert page(ENTRIES) == PAGE
 
 
-def test_recorded_results_are_those_of_registered_methods(tmp_path):
-    """Sizes and symmetry from the coefficients, apart from the code that made the table."""
+def test_recorded_results_belong_to_registered_methods(tmp_path):
+    """Sizes and symmetry follow from the coefficients, without the code that made the table."""
     with (unpack(tmp_path) / "tables/integrators.csv").open(encoding="utf-8") as file:
         rows = {row["integrator"]: row for row in csv.DictReader(file)}
     assert {*BENCHMARKED} < rows.keys() <= {*plain_integrators.registered}
@@ -221,8 +221,8 @@ def test_recorded_results_are_those_of_registered_methods(tmp_path):
 
 
 @pytest.mark.slow
-def test_results_that_decide_not_all_write_nothing(tmp_path):
-    with pytest.raises(NearharmonicError, match=r"undecided, like even-orders \(tables/.*: no verdict is"):
+def test_results_with_open_statements_write_nothing(tmp_path):
+    with pytest.raises(NearharmonicError, match=r"undecided, like even-orders \(target .*: no verdict is"):
         verdicts(str(tmp_path), str(ROOT / "README.md"), plain_integrators.registered)
 
 
@@ -243,8 +243,8 @@ def test_the_committed_verdicts_are_decided_again_from_recorded_results(tmp_path
 
 @pytest.mark.slow
 @pytest.mark.reproduction
-def test_the_committed_verdicts_are_those_of_a_run(tmp_path):
-    """The default run and the targets that statements need, on the paper's config; a few minutes."""
+def test_a_run_reaches_the_committed_verdicts(tmp_path):
+    """Run the default target and the targets that statements need, on the paper's config; a few minutes."""
     project = Project(tmp_path)
     needed = ("all", "derive", "stability", "results/paper/cubes/trained.h5")
     assert project.snakemake(*needed, "-j2").returncode == 0
@@ -257,7 +257,7 @@ def test_the_committed_verdicts_are_those_of_a_run(tmp_path):
     assert stability(str(page), tables=tables)["page"] == page.read_text(encoding="utf-8")
 
 
-# --- sums of verdicts, and the message of a run on open statements ----------------------------------------------------
+# --- numbers of verdicts, and the message of a run on open statements -------------------------------------------------
 
 
 MAKES = {one.target: one.needs for one in CLAIMS}
@@ -298,7 +298,7 @@ def test_only_results_and_mathematics_fail_in_substance():
         (("all",), "1 holds, 1 not decided here"),
     ],
 )
-def test_run_names_command_that_decides_what_it_leaves_open(tmp_path, missing, end):
+def test_run_names_command_that_decides_open_statements(tmp_path, missing, end):
     entries = [entry("x", "holds"), *(entry(one, "not decided here", needs=MAKES[one]) for one in missing)]
     document = tmp_path / "claims.json"
     document.write_text(json.dumps(entries), encoding="utf-8")

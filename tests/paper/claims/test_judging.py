@@ -32,7 +32,7 @@ X = np.geomspace(1e-4, 1, 161)  # forty a decade
 
 
 def curves(**errors):
-    """Curves of the errors given as functions of the step size, with a floor of 1e-16."""
+    """Return curves of errors, given as functions of the step size, with a floor of 1e-16."""
     rows = [np.maximum(error(X), 1e-16) for error in errors.values()]
     dims = ("integrator", "tau_per_stage")
     tau = np.tile(3 * X, (len(rows), 1))
@@ -68,7 +68,7 @@ def test_runs_that_diverged_or_were_not_made_end_the_range():
     assert X[found.compared(found.errors(["fourth"])).asked].max() <= 0.05
 
 
-def test_the_longest_piece_is_that_of_the_largest_ratio():
+def test_the_longest_piece_has_the_largest_ratio():
     x = np.array([1.0, 4.0, 5.0, 6.0, 16.0])  # a factor of four, and of 2.7 in a longer piece
     assert Range(x, x > 0, "").longest(x != 5) == (1.0, 4.0), "longest piece"
 
@@ -76,13 +76,13 @@ def test_the_longest_piece_is_that_of_the_largest_ratio():
 def test_statement_holds_in_part_over_half_decade_in_one_piece():
     everywhere = Range(X, np.ones(X.size, dtype=bool), " h")
     assert over(everywhere, X > 0).verdict == "holds"
-    assert over(everywhere, X > 0).value == "τ/s = 0.0001 to 1 h, all 161 step sizes"
+    assert over(everywhere, X > 0).value == "true at all 161 step sizes of τ/s = 0.0001 to 1 h"
     half = (X > 0.0099) & (X < 0.033)
     assert over(everywhere, half).verdict == "holds in part"
-    assert over(everywhere, half).value.startswith("τ/s = 0.01 to 0.0316 h, in one piece; 21 of 161")
+    assert over(everywhere, half).value.startswith("true at every step size of τ/s = 0.01 to 0.0316 h; in total at 21 ")
     assert over(everywhere, half & (X < 0.031)).verdict == "fails"
     assert over(everywhere, half & ((X < 0.019) | (X > 0.021))).verdict == "fails"
-    assert over(everywhere, X < 0).verdict == "fails"
+    assert over(everywhere, X < 0)[:2] == ("fails", "true at 0 of 161 step sizes of τ/s = 0.0001 to 1 h")
 
 
 def test_statement_holds_but_for_edges_at_19_of_20_sizes():
@@ -100,15 +100,15 @@ def test_statement_holds_but_for_edges_at_19_of_20_sizes():
 def test_statement_on_larger_steps_holds_over_half_decade_to_end():
     everywhere = Range(X, np.ones(X.size, dtype=bool), " h")
     assert for_larger_steps(everywhere, X > 0)[:2] == ("holds", "at all step sizes of τ/s = 0.0001 to 1 h")
-    assert for_larger_steps(everywhere, X > 0.3)[:2] == ("holds", "from τ/s = 0.316 h on, of τ/s = 0.0001 to 1 h")
-    assert for_larger_steps(everywhere, X > 0.32).verdict == "fails"
-    assert for_larger_steps(everywhere, X < 0.99).verdict == "holds in part"
+    assert for_larger_steps(everywhere, X > 0.3).value == "from τ/s = 0.316 h to the end of τ/s = 0.0001 to 1 h"
+    assert for_larger_steps(everywhere, X > 0.32)[:2] == ("fails", "at 20 of 161 step sizes")
+    assert for_larger_steps(everywhere, X < 0.99).value.startswith("for τ/s = 0.0001 to 0.944 h, but not at the end")
     assert for_larger_steps(everywhere, X < 0).verdict == "fails"
     assert everywhere.at_the_end(X > 0.9) == (pytest.approx(10 ** (-1 / 40)), 1.0)
     assert everywhere.at_the_end(X < 0.9) == (1.0, 0.0)
 
 
-def test_what_lies_outside_the_range_does_not_count():
+def test_step_sizes_outside_the_range_do_not_count():
     asked = (X > 0.01) & (X < 0.5)
     assert over(Range(X, asked, ""), asked).verdict == "holds"
 
@@ -133,14 +133,14 @@ def test_statement_of_parts_holds_or_fails_with_all_of_them(parts, verdict):
 
 
 @pytest.mark.parametrize("values", [4, 1000])  # with many ties, and with few
-def test_rank_correlations_are_those_of_scipy(values):
+def test_rank_correlations_agree_with_scipy(values):
     one, other = np.random.default_rng(3).integers(0, values, (2, 40, 6)).astype(float)
     other[0, 0] = np.inf
     expected = [spearmanr(one[:, i], other[:, i]).statistic for i in range(6)]
     assert rank_correlation(one, other) == pytest.approx(expected, abs=1e-14)  # sums of integers, but for one quotient
 
 
-def test_what_has_no_order_has_no_correlation():
+def test_equal_values_have_no_rank_correlation():
     assert rank_correlation(np.ones((5, 1)), np.arange(5.0)[:, None]) == 0
 
 
@@ -148,12 +148,12 @@ def test_what_has_no_order_has_no_correlation():
 
 
 def curve(error):
-    """A curve of the error given as a function of the step size."""
+    """Return a curve of an error, given as a function of the step size."""
     return curves(one=error)
 
 
 def pieces(*powers):
-    """A curve through 1e-6 at 0.01 with a power of the step size in each piece: (from, power)."""
+    """Return an error that is 1e-6 at 0.01 and a power of the step size in each piece: (log10 of its start, power)."""
 
     def error(x):
         log, found = np.log10(x), np.zeros(x.size)
@@ -180,13 +180,13 @@ def test_the_local_slope_is_fitted_to_five_step_sizes():
 
 
 def test_ten_step_sizes_per_decade_decide_no_order():
-    """Neighbours are a tenth of a decade apart: each is alone in its window, whatever the error does."""
+    """Neighbours are a tenth of a decade apart, so each step size is alone in its window for any error."""
     few = Curves(curve(lambda x: 7 * x**4).cube.isel(tau_per_stage=slice(None, None, 4)))
     with pytest.raises(Undecided, match=r"fewer than three step sizes in 0\.1 decades"):
         orders(few, {"one": 4}, BAND)
 
 
-def test_a_gap_leaves_no_slope_beside_it():
+def test_step_sizes_near_a_gap_have_no_slope():
     found = local_slopes(curve(lambda x: np.where(abs(x - X[80]) < 1e-9, np.inf, x**4)), "one")
     assert np.isnan(found[78:83]).all()
     assert np.isfinite(found[[77, 83]]).all()
@@ -201,15 +201,15 @@ def test_a_slope_keeps_to_an_order_within_the_band(off, verdict):
     ("decades", "verdict"),
     [(LONG + 0.1, "holds"), (LONG, "holds in part"), (SHORT + 0.1, "holds in part"), (SHORT, "fails")],
 )
-def test_the_length_of_the_stretch_decides(decades, verdict):
-    """Slope 6 between slopes of 4 and 9: windows at both ends hold two slopes, and take up to a tenth of a decade."""
+def test_the_length_of_the_range_decides(decades, verdict):
+    """Slope 6 between slopes of 4 and 9: windows at both ends have two slopes, and cost up to a tenth of a decade."""
     error = pieces((-9, 4), (-2, 6), (-2 + decades, 9))
     decision = orders(curve(error), {"one": 6}, BAND)
     assert decision.verdict == verdict
 
 
 def test_rounding_has_no_order():
-    with pytest.raises(Undecided, match="fewer than three step sizes at which all curves are truncation"):
+    with pytest.raises(Undecided, match="fewer than three step sizes at which all curves show truncation"):
         orders(curve(lambda x: 0 * x), {"one": 4}, BAND)
 
 
@@ -221,7 +221,7 @@ def test_large_steps_are_the_decade_below_one_percent():
         large_steps(curve(lambda x: 1e-3 * x), "one")
 
 
-# --- margins of thresholds, for verdicts that are known at every threshold --------------------------------------------
+# --- margins of thresholds, for known verdicts at every threshold -----------------------------------------------------
 
 
 def between(low, high):
@@ -231,11 +231,11 @@ def between(low, high):
 @pytest.mark.parametrize(
     ("verdict_at", "words"),
     [
-        (between(83.25, 191.5), "threshold 100; the same verdict from 83.3 to 191"),
-        (between(0, 191.5), "threshold 100; the same verdict up to 191"),
-        (between(2e-74, 1e300), "threshold 100; the same verdict from 2 × 10⁻⁷⁴ up"),
-        (between(0, 3e17), "threshold 100; the same verdict up to 3 × 10¹⁷"),
-        (between(-1, 1e300), "threshold 100; any other gives the same verdict"),
+        (between(83.25, 191.5), "threshold 100; the verdict is the same from 83.3 to 191"),
+        (between(0, 191.5), "threshold 100; the verdict is the same up to 191"),
+        (between(2e-74, 1e300), "threshold 100; the verdict is the same from 2 × 10⁻⁷⁴ upwards"),
+        (between(0, 3e17), "threshold 100; the verdict is the same up to 3 × 10¹⁷"),
+        (between(-1, 1e300), "threshold 100; any other threshold gives the same verdict"),
     ],
 )
 def test_the_margin_ends_where_the_verdict_changes(verdict_at, words):
@@ -243,17 +243,17 @@ def test_the_margin_ends_where_the_verdict_changes(verdict_at, words):
 
 
 def test_the_nearest_change_ends_the_margin():
-    """The verdict comes back beyond a gap."""
+    """The verdict returns beyond a gap."""
     assert margin(lambda bound: "fails" if 150 < bound < 200 else "holds", 100.0).endswith("up to 150")
 
 
-def test_a_threshold_at_which_nothing_is_decided_ends_the_margin():
+def test_a_threshold_without_a_verdict_ends_the_margin():
     def verdict_at(bound):
         if bound > 120:
             raise Undecided
         return "holds"
 
-    assert margin(verdict_at, 100.0) == "threshold 100; the same verdict up to 120"
+    assert margin(verdict_at, 100.0) == "threshold 100; the verdict is the same up to 120"
 
 
 # --- statements on trained methods, for known errors ------------------------------------------------------------------
@@ -269,7 +269,7 @@ def total(name):
 
 
 def with_errors(rows):
-    """Results with the errors (method, four step sizes) of all methods of order four or more; others have none."""
+    """Return results with the errors (method, four step sizes) of all methods of order four or more."""
     results = held_results()
     results.cubes["trained"] = results.cubes["trained"].isel(point=slice(0, 4))
     errors = results.cubes["trained"]["mean_log_error"]
@@ -316,22 +316,22 @@ def test_without_an_ensemble_nothing_is_decided(missing):
     assert "trained" not in best_performance.decision(results).value
 
 
-def test_best_three_are_told_how_far_ahead_trained_methods_are():
+def test_value_on_best_three_contains_lead_of_trained_methods():
     rows = np.full((len(HIGH), 4), -3.0)
     rows[HIGH.index(THREE[0])] = -6.0
     trained = [i for i, name in enumerate(HIGH) if name.startswith("trained_")]
     rows[trained[0]], rows[trained[1]] = (-6.5, -5.0, -5.0, -8.0), (-4.0, -7.0, -5.5, -7.0)
     value = best_performance.decision(with_errors(rows)).value
-    assert value.endswith("are ahead of the three at 3 of 4 step sizes, the best by -0.5 to 2 decades")
+    assert value.endswith("than the three methods at 3 of 4 step sizes, the best one by -0.5 to 2 decades")
 
 
-# --- words for numbers: a table that is just enough for a word, and one that is not -----------------------------------
+# --- words for numbers: tables just above and just below the meaning of a word ----------------------------------------
 
 
 @pytest.mark.parametrize(
     ("statement", "table", "column", "verdicts"),
     [
-        # The other half of this statement, a large one among them, is not so.
+        # The other half of this statement, a large negative coefficient, is false.
         (high_order_negative, "integrators", "negative coefficients", {"1": "fails", "2": "holds in part"}),
         (picked_among_thousands, "derived_families", "members found", {"1999": "fails", "2000": "holds"}),
     ],

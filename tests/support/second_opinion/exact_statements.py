@@ -76,7 +76,7 @@ def inner_limit_of_table_3() -> Opinion:
     ruth = METHODS["Ruth"]
     off = max(abs(true - printed) for true, printed, _ in sums(list(ruth.outer[:3]), list(ruth.inner)))
     right = sum(true == printed for true, printed, _ in rows)
-    values = [f"{right} of {len(rows)} sums equal", f"for Ruth's method off by up to {float(off):.3g}"]
+    values = [f"{right} of {len(rows)} sums equal", f"largest error for Ruth's method {float(off):.3g}"]
     if right == len(rows):
         return "holds", values
     return ("erratum" if all(true == to_h for true, _, to_h in rows) else "fails"), values

@@ -28,7 +28,7 @@ def sixth_order_descent_on_henon_heiles() -> Opinion:
 
 
 def gains_on_ruth(name: str, row: str) -> np.ndarray:
-    """Return Ruth's error over the error of each new method, at the step sizes of the range."""
+    """Return the ratio of Ruth's error to the error of each new method, at the step sizes of the range."""
     every = [curves(name, label) for label in ("Ruth", *NEW)]
     part = compared((one, row) for one in every)
     ruth, *others = (getattr(one, row)[part] for one in every)
@@ -45,8 +45,8 @@ def outperform_ruth() -> Opinion:
 def outperform_ruth_by_orders_on_kepler() -> Opinion:
     gains = gains_on_ruth("Kepler", "largest")
     worst, best = gains.min(axis=0), gains.max(axis=0)
-    measured = f"worst new method {worst.min():.2g} to {worst.max():.2g}, over the best up to {best.max():.2g}"
-    return over(worst >= SEVERAL), [measured]
+    by_worst = f"worst new method's error {worst.min():.2g} to {worst.max():.2g}"
+    return over(worst >= SEVERAL), [by_worst, f"best new method's error up to {best.max():.2g}"]
 
 
 def coincide_in_figure_4() -> Opinion:
@@ -55,7 +55,7 @@ def coincide_in_figure_4() -> Opinion:
     rotations = np.array([one.rotation[part] for one in three])
     ratios = rotations.max(axis=0) / rotations.min(axis=0)
     good = ratios <= DOT
-    spread = f"largest over least {ratios.min():.3g} to {ratios.max():.3g}"
+    spread = f"ratio of largest to smallest advance {ratios.min():.3g} to {ratios.max():.3g}"
     return over(good), [f"{good.sum()} of {good.size} step sizes", spread]
 
 
