@@ -22,9 +22,14 @@ LINE = 9 / 72
 
 @house_style
 def narrow(figure: Figure) -> None:
-    """Make a figure 85 mm wide, with text of at least 6 pt, fewer entries in a row of its legend, and thinner lines."""
+    """Make a figure 85 mm wide, with text of at least 6 pt, fewer entries in a row of its legend, and thinner lines.
+
+    A figure of this width stays as it is.
+    """
     renderer = FigureCanvasAgg(figure).get_renderer()  # type: ignore[no-untyped-call]
     width, height = figure.get_size_inches()
+    if width == WIDTH:
+        return
     dpi, edges = figure.dpi, figure.subplotpars
     before = sum(legend.get_window_extent(renderer).height for legend in figure.legends) / dpi
     figure.set_size_inches(WIDTH, height * FLATTER)

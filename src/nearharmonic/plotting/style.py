@@ -160,11 +160,11 @@ def method_handles(integrators: Iterable[str], labels: Iterable[str], **changes:
     return [Line2D([], [], label=label, **style_of(name).line(**changes)) for name, label in named]
 
 
-def label_ends(axes: Axes, curves: Iterable[Line2D], *, left: bool = False) -> list[Text]:
+def label_ends(axes: Axes, curves: Iterable[Line2D], *, left: bool = False, size: float = 7.5) -> list[Text]:
     """Write the label of each curve beside its right or left end, in its colour a quarter darker; return the labels.
 
-    Labels keep the order of the ends and move apart as little as possible, each with a line to its end. The limits and
-    the size of ``axes`` must be final.
+    Labels of ``size`` points keep the order of the ends and move apart as little as possible, each with a line to its
+    end. The limits and the size of ``axes`` must be final.
     """
     low, high = axes.get_xlim()
     ends: list[tuple[float, float, Line2D]] = []
@@ -173,13 +173,10 @@ def label_ends(axes: Axes, curves: Iterable[Line2D], *, left: bool = False) -> l
         points = points[np.isfinite(points[:, 1]) & (low <= points[:, 0]) & (points[:, 0] <= high)]
         ends += [(*axes.transData.transform(points[0 if left else -1]), curve)] if len(points) else []
     ends.sort(key=lambda end: float(end[1]))
-    count, point, side, size = len(ends), axes.figure.dpi / 72, "right" if left else "left", 7.5
-    apart = 1.25 * size * point * np.arange(count)
-    free = np.array([height for _, height, _ in ends]) - apart
-    # Isotonic regression: the nearest heights to the ends that leave a row to each label.
-    rows = [max(min(free[j : k + 1].mean() for k in range(i, count)) for j in range(i + 1)) for i in range(count)]
+    point, side = axes.figure.dpi / 72, "right" if left else "left"
+    rows = profile.spread(np.array([height for _, height, _ in ends]), 1.25 * size * point)
     labels, leaders = [], []
-    for (x, y, curve), row in zip(ends, rows + apart, strict=True):
+    for (x, y, curve), row in zip(ends, rows, strict=True):
         ways = [(x + far * point * (-1 if left else 1), height) for far, height in ((2, y), (10, row), (12, row))]
         *leader, (beside, middle) = axes.transData.inverted().transform(ways)
         says, colour = str(curve.get_label()), [0.75 * part for part in to_rgb(curve.get_color())]

@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MultipleLocator
 
 from nearharmonic.output.table import power_of_ten
-from nearharmonic.plotting import style
+from nearharmonic.plotting import column, style
 from nearharmonic.plotting.profile import PANELS, Style, problem_of
 from nearharmonic_paper.experiments.paper import orbits
 from nearharmonic_paper.experiments.paper.gain import gains
@@ -221,12 +221,18 @@ def _draw(axes: Axes, runs: xr.Dataset, limit: float) -> None:
 
 
 @style.house_style
-def gain(*cubes: xr.Dataset, variable: str = "max_energy_error") -> Figure:
-    """Draw :func:`~nearharmonic_paper.experiments.paper.gain.gains` of each cube; panels share the vertical axis."""
-    drawn = style.new_figure(7, 3.6)
-    drawn.subplots_adjust(left=0.085, right=0.99, top=0.855, bottom=0.125, wspace=0.04)
-    drawn.suptitle(f"{PANELS[variable].capitalize()} energy error at equal cost: bold methods against Ruth's", y=0.985)
-    panels = drawn.subplots(1, len(cubes), sharey=True, squeeze=False)[0]
+def gain(*cubes: xr.Dataset, variable: str = "max_energy_error", across: int = 2) -> Figure:
+    """Draw :func:`~nearharmonic_paper.experiments.paper.gain.gains` of each cube, ``across`` panels in a row.
+
+    Panels share the vertical axis. With one in a row, the figure has the width of a column of text.
+    """
+    rows, narrow = -(-len(cubes) // across), across == 1
+    drawn = style.new_figure(7, 3.6 * rows)
+    above = (0.205 if narrow else 0.145) / rows  # the title has two lines in a column
+    drawn.subplots_adjust(left=0.085, right=0.99, top=1 - above, bottom=0.125 / rows, wspace=0.04, hspace=0.25)
+    title = f"{PANELS[variable].capitalize()} energy error at equal cost:", "bold methods against Ruth's"
+    drawn.suptitle(("\n" if narrow else " ").join(title), y=0.985)
+    panels = drawn.subplots(rows, min(across, len(cubes)), sharey=True, squeeze=False).ravel()[: len(cubes)]
     curves = [_draw_gains(axes, gains(cube, variable)) for axes, cube in zip(panels, cubes, strict=True)]
     style.log_scale(max(panels, key=lambda axes: isfinite(axes.dataLim.minposy)), "y")
     for number, (axes, cube) in enumerate(zip(panels, cubes, strict=True)):
@@ -234,13 +240,17 @@ def gain(*cubes: xr.Dataset, variable: str = "max_energy_error") -> Figure:
         if not style.say_if_empty(axes, [curve.get_ydata() for curve in curves[number]]):
             low, high = axes.dataLim.intervalx
             axes.set_xlim(low / (high / low) ** 0.3, high * 1.15)  # labels need room on the left
-            style.label_ends(axes, curves[number], left=True)
         bold = [np.asarray(curve.get_ydata(), dtype=float) for curve in curves[number] if curve.get_zorder() > 2]
         best = float(f"{np.fmax.reduce(np.ravel(bold), initial=nan):.1g}")
         says = f": up to {best:,.6g} times smaller".replace(",", " ") if isfinite(best) else ""
         style.panel_letter(axes, number, str(cube.attrs.get("system_label", "")).removesuffix(" system") + says)
         axes.set_xlabel(style.step_label(str(cube["tau_per_stage"].attrs.get("units", "1"))))
-    panels[0].set_ylabel("Ruth's error / error of the method")
+    for axes in panels[::across]:
+        axes.set_ylabel("Ruth's error / error of the method")
+    if narrow:
+        column.narrow(drawn)
+    for axes, named in zip(panels, curves, strict=True):
+        style.label_ends(axes, named, left=True, size=column.SMALLEST if narrow else 7.5)
     return drawn
 
 
