@@ -179,6 +179,11 @@ def spread(heights: Floats, row: float) -> Floats:
     return np.add(ranks, steps)
 
 
+def darker(colour: str) -> str:
+    """Return the hexadecimal name of a colour a quarter darker, for text in the colour of a curve."""
+    return "#" + "".join(f"{round(0.75 * int(colour[i : i + 2], 16)):02x}" for i in (1, 3, 5))
+
+
 def text_on(colour: Floats) -> str:
     """Return black or white: the one with the higher contrast with a colour (WCAG 2.1), at least 4.5 to 1."""
     linear = np.where(colour <= 0.04045, colour / 12.92, ((colour + 0.055) / 1.055) ** 2.4)

@@ -16,6 +16,7 @@ from base64 import b64encode
 from collections.abc import Iterable, Mapping, Sequence
 from importlib.metadata import distribution, version
 from math import log10, pi
+from operator import itemgetter
 from pathlib import Path
 from string import ascii_uppercase
 from types import SimpleNamespace
@@ -31,16 +32,20 @@ from nearharmonic.plotting.profile import (
     UNITS,
     Line,
     beyond,
+    darker,
     energy_error_label,
     floor_name,
     floor_near,
     lines,
     lone,
+    spread,
     style_of,
 )
 from nearharmonic_paper.experiments.paper.gain import gains
 from nearharmonic_paper.experiments.paper.orbits import (
+    FAR,
     MERCURY_RELATIVISTIC_ADVANCE,
+    ROUNDING,
     SATISFIED_BELOW,
     advances,
     arcseconds_per_century,
@@ -296,7 +301,7 @@ def add_level(plot: Model, level: float, text: str) -> None:
     plot.center.append(Model("Span", location=level, dimension="width", line_color="#404040", line_dash=[6, 3]))
     at = {"x": plot.x_range.end, "y": level, "x_offset": -8, "y_offset": 4}
     look = {"text_align": "right", "text_font_size": "12px", "text_color": "#404040", "text_font": FONT}
-    plot.center.append(Model("Label", text=text, background_fill_color="#ffffff", **at, **look))
+    plot.center.append(Model("Label", text=text, background_fill_color="#ffffff", background_fill_alpha=0.8, **at, **look))
 
 
 def add_hits(plot: Model, source: Model, at: tuple[str, str], method: str, name: str) -> list[Model]:
@@ -339,6 +344,7 @@ def add_hover(plot: Model, renderers: Sequence[Model], rows: Sequence[tuple[str,
 #: Height of a row of the strip of diverged runs, relative to the panel beneath it; and style of its name.
 _ROW = 0.011
 _NAME = {"text_font": FONT, "text_font_size": "11px", "text_color": "#444444", "text_baseline": "middle"}
+_BAND = {"fill_color": "#ececec", "fill_alpha": 1.0, "line_color": None}
 _SQUARE = {"marker": "square", "angle": 0.0, "size": 4, "line_color": None}
 #: Operator of the outer row -> name of the composition.
 _COMPOSITIONS = {"drift": "ABA", "kick": "BAB"}
@@ -348,6 +354,8 @@ _SHADES = (
     "#dadfe4", "#d4d9e0", "#ced4db", "#c8ced7", "#c2c9d3", "#b9c3cf",
 )  # fmt: skip
 _BLUE, _RED, _GREEN = "#0b5fb5", "#d7301f", "#1a9850"
+#: Height of a row of labels, relative to the height of a panel on a phone.
+_LABEL_ROW = 0.05
 #: A bar across a dot, white.
 _BAR = {"marker": "dash", "size": 7, "line_color": "#ffffff", "line_width": 2}
 #: (next drift negative, next kick negative) -> meaning, and markers drawn over each other.
@@ -431,7 +439,10 @@ def gain(*cubes: xr.Dataset, variable: str = "max_energy_error") -> list[Panel]:
     for letter, cube, one in zip(ascii_uppercase, cubes, found, strict=False):
         unit, there = cube["tau_per_stage"].attrs.get("units", "1"), one.notnull().any("integrator").values
         x = one["tau_per_stage"].values[there]
-        plot = new_plot((span([x], logarithmic=True), up), (_step_label(unit), "Ruth's error / error of the method"))
+        along = span([x], logarithmic=True)
+        along.start *= (along.start / along.end) ** 0.3  # labels need room on the left
+        plot = new_plot((along, up), (_step_label(unit), "Ruth's error / error of the method"))
+        _label_ends(plot, x, one[:, there])
         hits: list[Model] = []
         for curve, label in zip(one[:, there], cube["label"].values, strict=True):
             source, method = source_of(x=x, gain=curve.values), str(curve["integrator"].values)
@@ -442,6 +453,21 @@ def gain(*cubes: xr.Dataset, variable: str = "max_energy_error") -> list[Panel]:
         add_hover(plot, hits, rows)
         drawn.append(Panel(f"{letter}. {cube.attrs['system_label']}, {PANELS[variable]} over all steps", plot))
     return drawn
+
+
+def _label_ends(plot: Model, x: Any, curves: xr.DataArray) -> None:
+    """Write the label of each curve beside its left end, as the static figure does, apart on a phone too."""
+    first = [(np.flatnonzero(np.isfinite(curve.values)), curve) for curve in curves]
+    ends = sorted(((float(curve[there[0]]), x[there[0]], curve) for there, curve in first if there.size), key=itemgetter(0))
+    up, away = (np.log(one.end / one.start) for one in (plot.y_range, plot.x_range))
+    rows = np.exp(spread(np.log([height for height, *_ in ends]), up * _LABEL_ROW))
+    for (height, end, curve), row in zip(ends, rows, strict=True):
+        method = str(curve["integrator"].values)
+        source = source_of(x=[end], y=[height], aside=[end / np.exp(0.03 * away)], row=[row], text=[str(curve["label"].values)])
+        look: dict[str, Any] = {"text_font": FONT, "text_font_size": "11px", "text_color": darker(style_of(method).colour)}
+        add(plot, source, Model("Segment", **fields(x0="x", y0="y", x1="aside", y1="row"), line_color=look["text_color"], line_width=0.7), method)
+        look |= {"text_align": "right", "text_baseline": "middle", "x_offset": -2}
+        add(plot, source, Model("Text", **fields(x="aside", y="row", text="text"), **look), method)
 
 
 def _step_label(unit: str) -> str:
@@ -548,9 +574,18 @@ def perihelion(cube: xr.Dataset) -> list[Panel]:
     plot = new_plot((along, up), ("force evaluations per orbit", "|perihelion advance| (rad per orbit)"))
     plot.extra_y_ranges = {"century": exactly(up.start * century, up.end * century, logarithmic=True)}
     plot.extra_y_scales = {"century": Model("LogScale")}
-    plot.right = [_axis(plot.extra_y_ranges["century"], "|perihelion advance| (arcseconds per century)")]
+    plot.right = [_axis(plot.extra_y_ranges["century"], "arcseconds per century")]
     plot.right[0].y_range_name, plot.right[0].axis_label_standoff = "century", 10
-    relativity = f"general relativity: {MERCURY_RELATIVISTIC_ADVANCE}″ per century"
+    for says, low, high, side in (
+        ("far from an ellipse", FAR, up.end, "right"),
+        ("rounding errors", up.start, ROUNDING, "left"),
+    ):
+        if low < high:
+            plot.center.append(Model("BoxAnnotation", bottom=low, top=high, level="image", **_BAND))
+            at = {"x": along.end if side == "right" else along.start, "y": low, "text_align": side}
+            look = _NAME | {"level": "image", "x_offset": -8 if side == "right" else 8, "y_offset": 3}
+            plot.center.append(Model("Label", text=says, **at, **(look | {"text_baseline": "bottom"})))
+    relativity = f"general relativity:\n{MERCURY_RELATIVISTIC_ADVANCE}″ per century"  # a phone has no room for one line
     add_level(plot, MERCURY_RELATIVISTIC_ADVANCE / century, relativity)
     dots: list[Model] = []
     for line, evaluations, size, interval, known, unknown in advances(cube, COLUMNS // 2):
@@ -597,8 +632,8 @@ def phase_space(paths: dict[str, xr.Dataset]) -> list[Panel]:
             ranges = tuple(exactly(*path[name].values[[0, -1]]) for name in ("q_grid", "p_grid"))
             shared[system] = (ranges, *_hamiltonian(path))
         ranges, bands, edges, heights, shades = shared[system]
-        moving = "_" + "xyz"[path.attrs["component"]] if path.attrs["component"] else ""
-        plot = new_plot(ranges, (f"q{moving}", f"p{moving}"), height=400)
+        along = f" along {'xyz'[path.attrs['component']]}" if path.attrs["component"] else ""
+        plot = new_plot(ranges, (f"q{along}", f"p{along}"), height=400)
         mapper = Model("LinearColorMapper", palette=shades, low=-0.5, high=len(shades) - 0.5)
         add(plot, bands, Model("Image", **fields(image="bands", x="x", y="y", dw="dw", dh="dh"), color_mapper=mapper))
         add_lines(plot, edges, line_color="#8795a5", line_width=0.6)

@@ -390,6 +390,7 @@ class ShownFigure:
     caption: str
     stem: str
     cube: str | None = None
+    cubes: Sequence[str] = ()
     picture: str = ""
     thumbnail: str = ""
     size: Sequence[str] = ()
@@ -403,9 +404,15 @@ class ShownFigure:
     @property
     def files(self) -> dict[str, str]:
         """Paths of its files from the page, by names for links."""
-        cube = {"data (HDF5)": f"cubes/{self.cube}.h5"} if self.cube else {}
+        cubes = {f"{name} (HDF5)": f"cubes/{name}.h5" for name in self.cubes}
+        cubes |= {"data (HDF5)": f"cubes/{self.cube}.h5"} if self.cube else {}
         alone = {"figure alone": f"{self.anchor}.html"} if self.panels else {}
-        return {kind.upper(): f"figures/{self.stem}.{kind}" for kind in ("pdf", "svg", "png")} | cube | alone
+        return {kind.upper(): f"figures/{self.stem}.{kind}" for kind in ("pdf", "svg", "png")} | cubes | alone
+
+    @property
+    def has_markers(self) -> bool:
+        """True if its curves have the markers of their methods."""
+        return any(one.glyph.kind == "Scatter" for plot in self.plots.values() for one in plot.renderers)
 
     @property
     def plots(self) -> dict[str, Any]:
@@ -435,6 +442,7 @@ def interactive(results: ShownResults) -> Iterator[ShownFigure]:
             title=f"Figure {number}. {title}" if number else title,
             caption=caption,
             cube=one.cube,
+            cubes=one.cubes,
             is_own=one.profile and number is None,
             **results.pictures(one.stem),
             **panels,

@@ -98,8 +98,6 @@ def _draw_satisfied(axes: Axes, satisfied: xr.DataArray, labels: list[str]) -> N
 
 #: Points of a method, 1.5 mm wide each; and multiple of an advance up to which its bar is within its dot on any axis.
 COLUMNS, HIDDEN = 100, 0.005
-#: Advances in rad per orbit: curves have their order below the first, and rounding hides it below the second.
-FAR, ROUNDING = 0.1, 1e-15
 
 
 @style.house_style
@@ -143,8 +141,8 @@ def _shade(axes: Axes) -> None:
     low, high = axes.get_ylim()
     among: dict[str, Any] = {"xycoords": axes.get_yaxis_transform(), "color": "#595959"}
     for says, start, end, place, ha in (
-        ("far from an ellipse", FAR, high, (0.988, FAR), "right"),
-        ("rounding errors", low, ROUNDING, (0.012, low), "left"),
+        ("far from an ellipse", orbits.FAR, high, (0.988, orbits.FAR), "right"),
+        ("rounding errors", low, orbits.ROUNDING, (0.012, low), "left"),
     ):
         if start < end:
             axes.axhspan(start, end, color="#ececec", zorder=0)
