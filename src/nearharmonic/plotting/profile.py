@@ -176,12 +176,12 @@ def spread(heights: Floats, row: float) -> Floats:
     steps, count = row * np.arange(len(heights)), len(heights)
     free = heights - steps
     ranks = [max(min(free[j : k + 1].mean() for k in range(i, count)) for j in range(i + 1)) for i in range(count)]
-    return np.add(ranks, steps)
+    return np.array(ranks) + steps
 
 
 def darker(colour: str) -> str:
     """Return the hexadecimal name of a colour a quarter darker, for text in the colour of a curve."""
-    return "#" + "".join(f"{round(0.75 * int(colour[i : i + 2], 16)):02x}" for i in (1, 3, 5))
+    return "#" + "".join(f"{int(0.75 * int(colour[i : i + 2], 16) + 0.5):02x}" for i in (1, 3, 5))
 
 
 def text_on(colour: Floats) -> str:

@@ -19,7 +19,7 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
-from matplotlib.colors import to_rgb
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.font_manager import fontManager
 from matplotlib.lines import Line2D
@@ -103,8 +103,7 @@ def lettered(number: int, says: str) -> str:
 
 def write_beside(axes: Axes, text: str, place: tuple[float, float], offset: tuple[float, float], **look: Any) -> None:
     """Write ``text`` beside a place, at an offset in points; ``look`` are arguments of ``Axes.annotate``."""
-    look = {"color": "#404040", "fontsize": 8, **look}
-    axes.annotate(text, place, xytext=offset, textcoords="offset points", **look)
+    axes.annotate(text, place, xytext=offset, textcoords="offset points", **{"color": "#404040", "fontsize": 8, **look})
 
 
 def log_scale(axes: Axes, directions: str) -> None:
@@ -179,11 +178,11 @@ def label_ends(axes: Axes, curves: Iterable[Line2D], *, left: bool = False, size
     for (x, y, curve), row in zip(ends, rows, strict=True):
         ways = [(x + far * point * (-1 if left else 1), height) for far, height in ((2, y), (10, row), (12, row))]
         *leader, (beside, middle) = axes.transData.inverted().transform(ways)
-        says, colour = str(curve.get_label()), [0.75 * part for part in to_rgb(curve.get_color())]
+        says, colour = str(curve.get_label()), profile.darker(to_hex(curve.get_color()))
         labels.append(axes.text(beside, middle, says, ha=side, va="center", fontsize=size, color=colour))
         leaders.append(leader)
-    colours = [label.get_color() for label in labels]
-    axes.add_collection(LineCollection(leaders, colors=colours, linewidths=0.5), autolim=False)
+    joined = LineCollection(leaders, colors=[one.get_color() for one in labels], linewidths=0.5)
+    axes.add_collection(joined, autolim=False)
     return labels
 
 

@@ -61,13 +61,8 @@ def _templates() -> Any:
 
     from nearharmonic_paper.report import plots
 
-    environment = Environment(
-        loader=FileSystemLoader(FOLDER),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    trimmed: dict[str, Any] = {"trim_blocks": True, "lstrip_blocks": True, "undefined": StrictUndefined}
+    environment = Environment(loader=FileSystemLoader(FOLDER), autoescape=True, **trimmed)
     assets = {"style": "page.css", "script": "page.js", "alive_script": "alive.js"}
     texts = {name: Markup((FOLDER / asset).read_text(encoding="utf-8")) for name, asset in assets.items()}
     told = {"wording": wording, "short": short, "looks": wording.VERDICTS, "bokeh": packed(plots.script())}

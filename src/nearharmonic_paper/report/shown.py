@@ -404,15 +404,10 @@ class ShownFigure:
     @property
     def files(self) -> dict[str, str]:
         """Paths of its files from the page, by names for links."""
-        cubes = {f"{name} (HDF5)": f"cubes/{name}.h5" for name in self.cubes}
+        cubes = {f"{name} data (HDF5)": f"cubes/{name}.h5" for name in self.cubes}
         cubes |= {"data (HDF5)": f"cubes/{self.cube}.h5"} if self.cube else {}
         alone = {"figure alone": f"{self.anchor}.html"} if self.panels else {}
         return {kind.upper(): f"figures/{self.stem}.{kind}" for kind in ("pdf", "svg", "png")} | cubes | alone
-
-    @property
-    def has_markers(self) -> bool:
-        """True if its curves have the markers of their methods."""
-        return any(one.glyph.kind == "Scatter" for plot in self.plots.values() for one in plot.renderers)
 
     @property
     def plots(self) -> dict[str, Any]:

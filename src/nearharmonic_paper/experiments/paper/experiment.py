@@ -122,8 +122,7 @@ _PROFILE: Any = {"draw": "nearharmonic.plotting.style:draw_profile", "profile": 
 #: The figures of the gain over Ruth's method.
 _GAIN: Any = {
     "draw": "nearharmonic_paper.experiments.paper.figures:gain", "cubes": ("henon_heiles", "kepler"), "method": "ruth",
-    "column": {"across": 1},
-    "caption": (
+    "column": {"narrow": True}, "caption": (
         "Energy error of Ruth's method divided by the error of each method at the same step size per stage τ/s, which "
         "means equal cost. At 100 the error is 100 times smaller than Ruth's. Bold curves are the methods of Nielsen "
         "(2015) and methods found here. They gain orders of magnitude on the Hénon-Heiles system, which is nearly "

@@ -49,10 +49,8 @@ def fig2_decomposition(terms: xr.Dataset) -> Figure:
     lower.set_xlabel(r"order, $\lambda$")
     lower.xaxis.set_major_locator(MultipleLocator(1))
     handles = style.method_handles(map(str, terms["integrator"].values), labels, markersize=4)
-    handles += [
-        Line2D([], [], color="#404040", linestyle="none", label="ABA composition", **_CIRCLE),
-        Line2D([], [], color="#404040", label="BAB composition"),
-    ]
+    circles = Line2D([], [], color="#404040", linestyle="none", label="ABA composition", **_CIRCLE)
+    handles += [circles, Line2D([], [], color="#404040", label="BAB composition")]
     drawn.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.55, 0.995), ncols=4, columnspacing=1.8)
     return drawn
 
@@ -120,9 +118,7 @@ def fig4_perihelion(cube: xr.Dataset) -> Figure:
     _shade(axes)
     _add_century_axis(axes, orbits.arcseconds_per_century(float(cube.attrs["orbital_period"])))
     handles = style.method_handles(map(str, cube["integrator"].values), map(str, cube["label"].values))
-    handles.append(
-        Line2D([], [], color="#404040", linestyle="none", marker="x", markersize=4, label="95 % interval includes 0")
-    )
+    handles += [Line2D([], [], color="#404040", ls="none", marker="x", markersize=4, label="95 % interval includes 0")]
     drawn.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, 0.995), ncols=4, columnspacing=1.8)
     return drawn
 
@@ -140,13 +136,12 @@ def _shade(axes: Axes) -> None:
     """Shade advances of paths far from an ellipse, and advances of the size of rounding errors."""
     low, high = axes.get_ylim()
     among: dict[str, Any] = {"xycoords": axes.get_yaxis_transform(), "color": "#595959"}
-    for says, start, end, place, ha in (
-        ("far from an ellipse", orbits.FAR, high, (0.988, orbits.FAR), "right"),
-        ("rounding errors", low, orbits.ROUNDING, (0.012, low), "left"),
-    ):
+    for says, *ends in orbits.NO_ORDER:
+        start, end = np.clip(ends, low, high)
         if start < end:
+            x, ha = (0.988, "right") if start > low else (0.012, "left")
             axes.axhspan(start, end, color="#ececec", zorder=0)
-            style.write_beside(axes, says, place, (0, 4), ha=ha, **among)
+            style.write_beside(axes, says, (x, start), (0, 4), ha=ha, **among)
     axes.set_ylim(low, high)
 
 
@@ -190,10 +185,8 @@ def fig6_displaced(cube: xr.Dataset) -> Figure:
         for q_x, colour, width in zip(cube["displacement"].values.tolist(), _COLOURS, _WIDTHS, strict=False)
     ]
     handles.append(Line2D([], [], color="#404040", linestyle="none", label="leaves its energy surface", **_LEFT))
-    drawn.legend(
-        handles=handles, title="$q_x$ at the start", loc="upper center", bbox_to_anchor=(0.54, 0.998), ncols=6,
-        columnspacing=1.8,
-    )  # fmt: skip
+    place = style.LEGEND | {"bbox_to_anchor": (0.54, 0.998), "ncols": 6}
+    drawn.legend(handles=handles, title="$q_x$ at the start", **place)
     return drawn
 
 
@@ -219,18 +212,15 @@ def _draw(axes: Axes, runs: xr.Dataset, limit: float) -> None:
 
 
 @style.house_style
-def gain(*cubes: xr.Dataset, variable: str = "max_energy_error", across: int = 2) -> Figure:
-    """Draw :func:`~nearharmonic_paper.experiments.paper.gain.gains` of each cube, ``across`` panels in a row.
-
-    Panels share the vertical axis. With one in a row, the figure has the width of a column of text.
-    """
-    rows, narrow = -(-len(cubes) // across), across == 1
+def gain(*cubes: xr.Dataset, variable: str = "max_energy_error", narrow: bool = False) -> Figure:
+    """Draw the gain in each cube, in panels side by side or, in a figure of the width of a column, in a column."""
+    rows, across = (len(cubes), 1) if narrow else (1, len(cubes))
     drawn = style.new_figure(7, 3.6 * rows)
     above = (0.205 if narrow else 0.145) / rows  # the title has two lines in a column
     drawn.subplots_adjust(left=0.085, right=0.99, top=1 - above, bottom=0.125 / rows, wspace=0.04, hspace=0.25)
     title = f"{PANELS[variable].capitalize()} energy error at equal cost:", "bold methods against Ruth's"
     drawn.suptitle(("\n" if narrow else " ").join(title), y=0.985)
-    panels = drawn.subplots(rows, min(across, len(cubes)), sharey=True, squeeze=False).ravel()[: len(cubes)]
+    panels = drawn.subplots(rows, across, sharey=True, squeeze=False).ravel()
     curves = [_draw_gains(axes, gains(cube, variable)) for axes, cube in zip(panels, cubes, strict=True)]
     style.log_scale(max(panels, key=lambda axes: isfinite(axes.dataLim.minposy)), "y")
     for number, (axes, cube) in enumerate(zip(panels, cubes, strict=True)):
