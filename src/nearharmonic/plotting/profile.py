@@ -176,7 +176,8 @@ def spread(heights: Floats, row: float) -> Floats:
     steps, count = row * np.arange(len(heights)), len(heights)
     free = heights - steps
     ranks = [max(min(free[j : k + 1].mean() for k in range(i, count)) for j in range(i + 1)) for i in range(count)]
-    return np.array(ranks) + steps
+    found: Floats = np.add(steps, ranks)
+    return found
 
 
 def darker(colour: str) -> str:

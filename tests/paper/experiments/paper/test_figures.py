@@ -11,15 +11,13 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.lines import Line2D
+from matplotlib.text import Text
 
 import nearharmonic as nh
+from nearharmonic.plotting.column import narrow
 from nearharmonic.plotting.style import draw_profile
-from nearharmonic_paper.experiments.paper import figures as fig2_decomposition
-from nearharmonic_paper.experiments.paper import figures as fig4_perihelion
-from nearharmonic_paper.experiments.paper import figures as fig6_displaced
-from nearharmonic_paper.experiments.paper import figures as fig6_substeps
+from nearharmonic_paper.experiments.paper import figures
 from nearharmonic_paper.experiments.paper import tableaus as decompose
-from nearharmonic_paper.experiments.paper.figures import gain
 from nearharmonic_paper.experiments.paper.orbits import paper_panels
 from support.cubes.artists import NO_LINE, SOLID, drawn, entries, line_of, lines_of, look, look_of, seen, slope, ticks
 from support.cubes.figure_cubes import (
@@ -30,6 +28,7 @@ from support.cubes.figure_cubes import (
     TOY_DRIFT,
     TOY_KICK,
     advances,
+    crowded,
     displaced,
     errors,
     label,
@@ -44,7 +43,7 @@ from support.cubes.figure_cubes import (
 def test_gain_is_ratio_of_errors_until_ruths_reaches_one_percent(variable):
     cube = errors() * 0.1
     cube[variable].loc[{"integrator": "ruth", "tau_per_stage": TAU[20]}] = 0.0101
-    axes, other = gain(cube, cube, variable=variable).axes
+    axes, other = figures.gain(cube, cube, variable=variable).axes
     assert axes.get_ylim() == other.get_ylim()
     for name in METHODS:
         curve = dict(zip(TAU, line_named(axes, label(name)).get_ydata(), strict=True))
@@ -52,6 +51,25 @@ def test_gain_is_ratio_of_errors_until_ruths_reaches_one_percent(variable):
             at = cube[variable].sel(tau_per_stage=tau)
             assert curve[tau] == pytest.approx(float(at.sel(integrator="ruth") / at.sel(integrator=name)), rel=1e-14)
         assert np.isnan([curve[tau] for tau in TAU[[*GAPS, *range(20, TAU.size)]]]).all()
+
+
+def test_gain_in_column_has_legible_labels_apart_and_inside():
+    figure = figures.gain(crowded(), crowded(), narrow=True)
+    narrow(figure)  # as the job does; the labels have their places for this width already
+    figure.draw_without_rendering()
+    assert figure.get_figwidth() * 25.4 == pytest.approx(85)
+    texts = [text for text in figure.findobj(Text) if text.get_text() and text.get_visible()]
+    assert min(text.get_fontsize() for text in texts) >= 6
+    whole = [axes.get_tightbbox() for axes in figure.axes]
+    assert not any(
+        one.overlaps(other) for one, other in combinations([*whole, figure._suptitle.get_window_extent()], 2)
+    )
+    assert all(figure.bbox.contains(*corner) for box in whole for corner in box.corners())
+    for axes in figure.axes:
+        assert {text.get_text() for text in axes.texts} == {*crowded().label.values}
+        boxes = [text.get_window_extent() for text in axes.texts]
+        assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
+        assert all(axes.bbox.contains(*corner) for box in boxes for corner in box.corners())
 
 
 def line_named(axes, text):
@@ -168,7 +186,7 @@ def remaining(cube, name, first):
 
 
 def test_kick_first_error_terms_are_lines_in_method_colour(cube):
-    upper, _ = fig2_decomposition.fig2_decomposition(cube).axes
+    upper, _ = figures.fig2_decomposition(cube).axes
     assert (upper.get_yscale(), upper.get_ylabel()) == ("log", r"error term of the position, $\kappa_\lambda$")
     for name in METHODS:
         curve = line_of(upper, ORDERS, remaining(cube, name, "kick"))
@@ -177,7 +195,7 @@ def test_kick_first_error_terms_are_lines_in_method_colour(cube):
 
 
 def test_drift_first_error_terms_are_circles_around_markers(cube):
-    upper, _ = fig2_decomposition.fig2_decomposition(cube).axes
+    upper, _ = figures.fig2_decomposition(cube).axes
     for name in METHODS:
         circle, inside = lines_of(upper, ORDERS, remaining(cube, name, "drift"))
         assert look(circle) == (look_of(name)[0], "o", "none", NO_LINE)
@@ -190,7 +208,7 @@ def test_drift_first_error_terms_are_circles_around_markers(cube):
 def test_methods_of_large_terms_have_an_inset(cube):
     name = str(cube.integrator.values[0])
     cube.kappa.loc[name, "kick", 9] = 1e9
-    upper, _ = fig2_decomposition.fig2_decomposition(cube).axes
+    upper, _ = figures.fig2_decomposition(cube).axes
     (inset,) = upper.child_axes
     assert inset.get_title() == cube.label.values[0]
     colours = [{line.get_color() for line in axes.lines} for axes in (inset, upper)]
@@ -198,7 +216,7 @@ def test_methods_of_large_terms_have_an_inset(cube):
 
 
 def test_vanishing_terms_are_bars_for_kick_circles_for_drift_first(cube):
-    _, lower = fig2_decomposition.fig2_decomposition(cube).axes
+    _, lower = figures.fig2_decomposition(cube).axes
     for row, name in enumerate(METHODS):
         bars = line_of(lower, VANISH["kick"], row)
         assert (look(bars)[0], look(bars)[1], look(bars)[3]) == (look_of(name)[0], "_", NO_LINE)
@@ -209,7 +227,7 @@ def test_vanishing_terms_are_bars_for_kick_circles_for_drift_first(cube):
 
 
 def test_rows_are_named_downwards_in_order_of_methods(cube):
-    _, lower = fig2_decomposition.fig2_decomposition(cube).axes
+    _, lower = figures.fig2_decomposition(cube).axes
     assert ticks(lower.yaxis) == {label(name): row for row, name in enumerate(METHODS)}
     heights = [lower.transData.transform((1, row))[1] for row in range(len(METHODS))]
     assert heights == sorted(heights, reverse=True)
@@ -258,7 +276,7 @@ def curves(advance_cube, name):
 
 
 def test_advance_beyond_its_interval_is_dot_and_some_have_markers(advance_cube):
-    axes = fig4_perihelion.fig4_perihelion(advance_cube).axes[0]
+    axes = figures.fig4_perihelion(advance_cube).axes[0]
     for name in METHODS:
         x, told, _ = curves(advance_cube, name)
         dots, marks = lines_of(axes, x, told)
@@ -269,7 +287,7 @@ def test_advance_beyond_its_interval_is_dot_and_some_have_markers(advance_cube):
 
 
 def test_advance_within_its_interval_or_equal_to_it_is_cross(advance_cube):
-    axes = fig4_perihelion.fig4_perihelion(advance_cube).axes[0]
+    axes = figures.fig4_perihelion(advance_cube).axes[0]
     for name in METHODS:
         x, _, not_told = curves(advance_cube, name)
         crosses = line_of(axes, x, not_told)
@@ -279,7 +297,7 @@ def test_advance_within_its_interval_or_equal_to_it_is_cross(advance_cube):
 
 
 def test_error_bars_are_intervals_of_nonzero_advances(advance_cube):
-    axes = fig4_perihelion.fig4_perihelion(advance_cube).axes[0]
+    axes = figures.fig4_perihelion(advance_cube).axes[0]
     assert len(axes.containers) == len(METHODS)
     for name, container in zip(METHODS, axes.containers, strict=True):
         one = advance_cube.sel(integrator=name)
@@ -296,12 +314,12 @@ def test_error_bars_are_intervals_of_nonzero_advances(advance_cube):
 
 def test_bars_that_their_dots_would_hide_are_left_out(advance_cube):
     short = advance_cube.assign(perihelion_advance_interval=4e-3 * abs(advance_cube.perihelion_advance))
-    for _, _, (bars,) in fig4_perihelion.fig4_perihelion(short).axes[0].containers:
+    for _, _, (bars,) in figures.fig4_perihelion(short).axes[0].containers:
         assert bars.get_segments() == []
 
 
 def test_the_second_axis_reads_arcseconds_per_century(advance_cube):
-    axes = fig4_perihelion.fig4_perihelion(advance_cube).axes[0]
+    axes = figures.fig4_perihelion(advance_cube).axes[0]
     (century,) = axes.child_axes
     axes.set_ylim(1e-7, 1e-6)
     axes.figure.draw_without_rendering()
@@ -319,7 +337,7 @@ def relativistic_line(figure):
 
 
 def test_relativistic_line_is_labelled_at_42_98_arcseconds_per_century(advance_cube):
-    figure = fig4_perihelion.fig4_perihelion(advance_cube)
+    figure = figures.fig4_perihelion(advance_cube)
     _, level = relativistic_line(figure)
     assert level * 206264.806247096355 * 876600 / 2000 == pytest.approx(42.98, rel=1e-12)
     (note,) = [text for text in figure.axes[0].texts if "relativity" in text.get_text()]
@@ -331,7 +349,7 @@ def test_advances_that_are_no_results_are_shaded(advance_cube):
     advance_cube.perihelion_advance[...] = np.geomspace(1e-17, 10, advance_cube.perihelion_advance.size).reshape(
         advance_cube.perihelion_advance.shape
     )
-    axes = fig4_perihelion.fig4_perihelion(advance_cube).axes[0]
+    axes = figures.fig4_perihelion(advance_cube).axes[0]
     low, high = axes.get_ylim()
     spans = [patch.get_window_extent().transformed(axes.transData.inverted()).intervaly for patch in axes.patches]
     np.testing.assert_allclose(spans, [[0.1, high], [low, 1e-15]], rtol=1e-9)
@@ -341,7 +359,7 @@ def test_the_relativistic_line_of_mercury_is_what_general_relativity_gives(advan
     # 6 pi GM / (c^2 a (1 - e^2)) rad per orbit; GM in m^3/s^2, a in m. The line rests on 42.98: 4 digits.
     c, GM, a, e = 299792458.0, 1.32712440018e20, 5.790905e10, 0.20563
     advance_cube.attrs["orbital_period"] = 2 * np.pi * np.sqrt(a**3 / GM) / 3600
-    _, level = relativistic_line(fig4_perihelion.fig4_perihelion(advance_cube))
+    _, level = relativistic_line(figures.fig4_perihelion(advance_cube))
     assert level == pytest.approx(6 * np.pi * GM / (c**2 * a * (1 - e**2)), rel=5e-4)
 
 
@@ -355,7 +373,7 @@ def displaced_cube():
 
 @pytest.fixture
 def figure(displaced_cube):
-    return fig6_displaced.fig6_displaced(displaced_cube)
+    return figures.fig6_displaced(displaced_cube)
 
 
 def curve(displaced_cube, summation, run):
@@ -398,7 +416,7 @@ def panels():
 
 @pytest.fixture(scope="module")
 def panels_figure(panels):
-    return fig6_substeps.fig6_substeps(panels)
+    return figures.fig6_substeps(panels)
 
 
 def grid(panels_figure):
@@ -452,7 +470,7 @@ def test_dots_carry_the_signs_of_the_pair_that_follows(panels_figure, panels, fi
 @pytest.fixture(scope="module")
 def paper():
     panels = paper_panels()
-    return panels, fig6_substeps.fig6_substeps(panels)
+    return panels, figures.fig6_substeps(panels)
 
 
 def test_path_follows_q_in_drifts_and_p_in_kicks(panels_figure, panels):
