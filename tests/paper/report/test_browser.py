@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
+from types import SimpleNamespace
 
 import h5py
 import numpy as np
@@ -11,8 +12,12 @@ import pytest
 from matplotlib.colors import to_rgb
 
 import nearharmonic as nh
+from nearharmonic.integrators import BENCHMARKED
 from nearharmonic.plotting.profile import style_of
-from nearharmonic_paper.report.page import page
+from nearharmonic_paper.report.page import filled, packed, page
+from nearharmonic_paper.report.plots import document, gain
+from nearharmonic_paper.report.shown import ShownFigure
+from support.cubes import figure_cubes as made
 from support.cubes.page_results import CLAIMS, DRAWN, PLOTS, write_claims, write_table
 from support.projects.workflow_project import ROOT
 
@@ -80,17 +85,61 @@ def test_legend_shows_one_method_alone_and_others_beside_it(wide):
         assert all(seen(figure) == before[figure] for figure in set(ALL_FIGURES) - {"figure-3"})
 
 
-def test_hover_on_legend_fades_other_methods(wide):
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory):
+    """The page of a figure of the gain alone, whose curves have labels near each other."""
+    cube = made.crowded().assign_attrs(system_label="system")
+    named = dict(zip(cube.integrator.values, cube.label.values, strict=True))
+    figure = ShownFigure(anchor="figure-gain", title="", caption="", stem="", panels=gain(cube, cube), methods=named)
+    figure.document = packed(document(figure.plots))
+    page = tmp_path_factory.mktemp("alone") / "figure-gain.html"
+    page.write_text(filled("figure.html", {"results": SimpleNamespace(folder=page.parent), "figure": figure}))
+    return page
+
+
+@pytest.mark.parametrize("figure", ["figure-3", "figure-gain"])
+def test_hover_on_legend_fades_other_methods_and_their_labels(wide, opened, alone, figure):
+    page = opened(at=alone) if figure == "figure-gain" else wide
+
     def opacities():
-        return wide.evaluate("opacitiesIn('figure-3')")
+        return page.evaluate("(id) => opacitiesIn(id)", figure)
 
     before = opacities()
-    wide.locator("#figure-3 [data-method=ruth]").hover()
+    page.locator(f".figure:has([id^={figure}-panel]) [data-method=ruth]").hover()
     pointed = opacities()
     assert pointed["ruth"] == before["ruth"]
     assert all(max(pointed[one]) <= 0.12 < max(before[one]) for one in before.keys() - {"ruth"})
-    wide.mouse.move(2, 2)
+    page.mouse.move(2, 2)
     assert opacities() == before
+
+
+#: Left edge, right edge and height of each label of a curve, in pixels from the lower left corner of the frame; widths
+#: of labels of levels; and the width of the frame.
+LABELS = """(name) => {
+  const plot = plotOf(name), ink = document.createElement("canvas").getContext("2d");
+  const measured = (text, size) => {
+    ink.font = `${size}px system-ui, sans-serif`;
+    return ink.measureText(text).width;
+  };
+  const [left, bottom] = spotOf(name, plot.x_range.start, plot.y_range.start);
+  const ends = plot.renderers.filter((one) => one.glyph.type === "Text").map(({ data_source: { data } }) => {
+    const [x, y] = spotOf(name, data.aside[0], data.row[0]);
+    return [x - 2 - measured(data.label[0], 11) - left, x - 2 - left, bottom - y];
+  });
+  const levels = plot.center.filter((one) => one.type === "Label").flatMap((one) => one.text.split("\\n"));
+  return [ends, levels.map((line) => measured(line, 12) + 8), viewOf(name).frame.bbox.width];
+}"""
+
+
+@pytest.mark.parametrize("width", [360, 390, 1280])
+def test_labels_have_space_on_phone_and_desk(opened, alone, width):
+    ends, _, _ = opened(at=alone, viewport={"width": width, "height": 900}).evaluate(LABELS, "figure-gain-panel-2")
+    assert len(ends) == len(BENCHMARKED)
+    assert min(left for left, _, _ in ends) > 0
+    heights = sorted(height for *_, height in ends)
+    assert min(np.diff([-5.5, *heights])) >= 11
+    _, levels, frame = opened(viewport={"width": width, "height": 900}).evaluate(LABELS, "figure-4-panel-1")
+    assert 50 < max(levels) < frame
 
 
 def lonely(x, y):
