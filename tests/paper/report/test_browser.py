@@ -113,31 +113,27 @@ def test_hover_on_legend_fades_other_methods_and_their_labels(wide, opened, alon
     assert opacities() == before
 
 
-#: Left edge, right edge and height of each label of a curve, in pixels from the lower left corner of the frame; widths
-#: of labels of levels; and the width of the frame.
+#: Left edge and height of each label of a curve, in pixels from the lower left corner of the frame; widths of labels of
+#: levels; and the width of the frame.
 LABELS = """(name) => {
   const plot = plotOf(name), ink = document.createElement("canvas").getContext("2d");
-  const measured = (text, size) => {
-    ink.font = `${size}px system-ui, sans-serif`;
-    return ink.measureText(text).width;
-  };
+  const broad = (text, size) => Object.assign(ink, { font: `${size}px system-ui, sans-serif` }).measureText(text).width;
   const [left, bottom] = spotOf(name, plot.x_range.start, plot.y_range.start);
   const ends = plot.renderers.filter((one) => one.glyph.type === "Text").map(({ data_source: { data } }) => {
     const [x, y] = spotOf(name, data.aside[0], data.row[0]);
-    return [x - 2 - measured(data.label[0], 11) - left, x - 2 - left, bottom - y];
+    return [x - 2 - broad(data.label[0], 11) - left, bottom - y];
   });
   const levels = plot.center.filter((one) => one.type === "Label").flatMap((one) => one.text.split("\\n"));
-  return [ends, levels.map((line) => measured(line, 12) + 8), viewOf(name).frame.bbox.width];
+  return [ends, levels.map((line) => broad(line, 12) + 8), viewOf(name).frame.bbox.width];
 }"""
 
 
 @pytest.mark.parametrize("width", [360, 390, 1280])
 def test_labels_have_space_on_phone_and_desk(opened, alone, width):
     ends, _, _ = opened(at=alone, viewport={"width": width, "height": 900}).evaluate(LABELS, "figure-gain-panel-2")
-    assert len(ends) == len(BENCHMARKED)
-    assert min(left for left, _, _ in ends) > 0
-    heights = sorted(height for *_, height in ends)
-    assert min(np.diff([-5.5, *heights])) >= 11
+    lefts, heights = np.transpose(ends)
+    assert (len(ends), min(lefts) > 0) == (len(BENCHMARKED), True)
+    assert min(np.diff([-5.5, *sorted(heights)])) >= 11
     _, levels, frame = opened(viewport={"width": width, "height": 900}).evaluate(LABELS, "figure-4-panel-1")
     assert 50 < max(levels) < frame
 
@@ -477,18 +473,13 @@ def embedded(results, tmp_path):
     """A page with two frames of the page of how to, beside one file."""
     (tmp_path / "figure-3.html").write_text(page(folder=results)["figure_3"], encoding="utf-8")
     outer = tmp_path / "mine.html"
-    outer.write_text(f'<!doctype html><html lang="en"><title>mine</title><h1>Mine</h1>{HTML}{HTML}', encoding="utf-8")
+    head = '<!doctype html><html lang="en" data-ready><title>mine</title><h1>Mine</h1>'  # as a page of results says
+    outer.write_text(f"{head}{HTML}{HTML}", encoding="utf-8")
     return outer
 
 
-def test_figure_is_drawn_in_a_sandboxed_frame_without_requests(browser, embedded):
-    context = browser.new_context(viewport={"width": 1280, "height": 2400})
-    shown = context.new_page()
-    requests, errors = [], []
-    shown.on("request", lambda request: requests.append(request.url))
-    shown.on("pageerror", lambda error: errors.append(str(error)))
-    shown.on("console", lambda said: said.type in {"error", "warning"} and errors.append(said.text))
-    shown.goto(embedded.as_uri())
+def test_figure_is_drawn_in_a_sandboxed_frame_without_requests(opened, embedded):
+    shown = opened(at=embedded, viewport={"width": 1280, "height": 2400})
     first, second = shown.frames[1:]
     for frame in (first, second):
         frame.wait_for_selector("html[data-ready]", state="attached")
@@ -501,8 +492,7 @@ def test_figure_is_drawn_in_a_sandboxed_frame_without_requests(browser, embedded
     first.locator("button.method").first.click()
     assert first.evaluate(visible) < before == second.evaluate(visible)
     own = {embedded.as_uri(), embedded.with_name("figure-3.html").as_uri()}
-    assert {url for url in requests if not url.startswith("data:")} == own
-    assert errors == []
+    assert {url for url in shown.heard["requests"] if not url.startswith("data:")} == own
+    assert shown.heard["errors"] == []
     with pytest.raises(Exception, match=r"cross-origin|Blocked|SecurityError"):
         first.evaluate("parent.document.title")
-    context.close()

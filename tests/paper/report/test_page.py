@@ -16,19 +16,9 @@ from nearharmonic_paper.report import page as room
 from nearharmonic_paper.report.page import page
 from nearharmonic_paper.report.shown import ShownFigure, ShownResults, in_order
 from nearharmonic_paper.tasks.experiment import beside_the_paper, figures_of
+from support.cubes import page_results as made
 from support.cubes.page_reader import Reader, documents
-from support.cubes.page_results import (
-    CLAIMS,
-    DRAWN,
-    KINDS_OF_CLAIMS,
-    PLOTS,
-    SVG,
-    SYSTEMS,
-    cube,
-    write_cube,
-    write_results,
-    write_table,
-)  # fmt: skip
+from support.cubes.page_results import CLAIMS, DRAWN, KINDS_OF_CLAIMS, PLOTS, SYSTEMS, cube, write_cube, write_table
 from support.projects.targets import TARGETS
 
 EXPERIMENTS = beside_the_paper()
@@ -201,13 +191,13 @@ def test_page_that_grows_too_large_loses_its_largest_optional_picture(copied, mo
 @pytest.mark.slow
 def test_page_of_own_systems_is_theirs_and_names_leftovers(tmp_path, monkeypatch):
     monkeypatch.setitem(SYSTEMS, "well", "well of the tests")
-    folder = write_results(tmp_path / "own", systems=("well",))
+    folder = made.write_results(tmp_path / "own", systems=("well",))
     absolute = cube("well")
     absolute.max_energy_error.attrs |= {"long_name": "maximum of |H - H0| over every step", "units": "J"}
     write_cube(folder / "cubes/well.h5", absolute)
     write_cube(folder / "cubes/gone_away.h5", cube("gone_away"))
     for suffix in ("svg", "png"):
-        (folder / f"figures/gone_away_energy_error.{suffix}").write_text(SVG)
+        (folder / f"figures/gone_away_energy_error.{suffix}").write_text(made.SVG)
     left = ["cubes/gone_away.h5", "figures/gone_away_energy_error.svg", "figures/gone_away_energy_error.png"]
     text = page(folder=folder, leftovers=left)["page"]
     found = Reader(text)
