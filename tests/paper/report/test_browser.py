@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
+from functools import partial
 from types import SimpleNamespace
 
 import h5py
@@ -18,6 +19,7 @@ from nearharmonic_paper.report.page import filled, packed, page
 from nearharmonic_paper.report.plots import document, gain
 from nearharmonic_paper.report.shown import ShownFigure
 from support.cubes import figure_cubes as made
+from support.cubes.artists import luminance
 from support.cubes.page_results import CLAIMS, DRAWN, PLOTS, write_claims, write_table
 from support.projects.workflow_project import ROOT
 
@@ -64,9 +66,7 @@ def test_every_plot_is_drawn(wide):
 
 
 def test_legend_shows_one_method_alone_and_others_beside_it(wide):
-    def seen(figure):
-        return wide.evaluate("(id) => visibleIn(id)", figure)
-
+    seen = partial(wide.evaluate, "(id) => visibleIn(id)")
     before = {figure: seen(figure) for figure in ALL_FIGURES}
     legend = wide.locator("#figure-3 .legend")
     ruth, other, every = (legend.locator(one) for one in ("[data-method=ruth]", "[data-method=aba104]", ".all"))
@@ -100,10 +100,7 @@ def alone(tmp_path_factory):
 @pytest.mark.parametrize("figure", ["figure-3", "figure-gain"])
 def test_hover_on_legend_fades_other_methods_and_their_labels(wide, opened, alone, figure):
     page = opened(at=alone) if figure == "figure-gain" else wide
-
-    def opacities():
-        return page.evaluate("(id) => opacitiesIn(id)", figure)
-
+    opacities = partial(page.evaluate, "(id) => opacitiesIn(id)", figure)
     before = opacities()
     page.locator(f".figure:has([id^={figure}-panel]) [data-method=ruth]").hover()
     pointed = opacities()
@@ -376,16 +373,14 @@ def test_text_has_contrast_of_four_and_half(opened, scheme):
     page = opened(color_scheme=scheme)
     page.evaluate("for (const one of document.querySelectorAll('details')) one.open = true")
 
-    def luminance(colour):
-        channels = [int(part) / 255 for part in re.findall(r"\d+", colour)[:3]]
-        linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]
-        return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+    def light(colour):
+        return luminance([int(part) / 255 for part in re.findall(r"\d+", colour)[:3]])
 
     found = page.evaluate("coloursOfText()")
     assert len(found) > 10
-    assert (luminance(page.evaluate("getComputedStyle(document.body).backgroundColor")) < 0.1) == (scheme == "dark")
+    assert (light(page.evaluate("getComputedStyle(document.body).backgroundColor")) < 0.1) == (scheme == "dark")
     for ink, paper, text in found:
-        low, high = sorted((luminance(ink), luminance(paper)))
+        low, high = sorted((light(ink), light(paper)))
         assert (high + 0.05) / (low + 0.05) >= 4.5, text
 
 

@@ -99,13 +99,8 @@ def test_claim_links_only_to_existing_figures_and_tables(text, read):
     body = re.search(r'<table class="claims">.*?</table>', text, re.DOTALL)[0]
     links = {told["href"]: words for told, words in Reader(body).all("a")}
     assert "Section 2 and Figure 9; shown in Figure 1" in " ".join(words for _, words in Reader(body).all("span"))
-    assert links == {
-        "#figure-1": "Figure 1",
-        "#figure-3": "Figures 3",
-        "#figure-5": "5",
-        "#table-3": "Table 3",
-        "#table-4": "Table 4",
-    }
+    tables = {"#table-3": "Table 3", "#table-4": "Table 4"}
+    assert links == tables | {"#figure-1": "Figure 1", "#figure-3": "Figures 3", "#figure-5": "5"}
     anchors = {told["id"] for _, told, _ in read.elements if "id" in told}
     assert {told["href"][1:] for told, _ in read.all("a") if told["href"].startswith("#")} <= anchors
 

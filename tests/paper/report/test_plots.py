@@ -59,9 +59,8 @@ def test_every_drawable_error_of_cube_is_in_panel_bitwise(results, plots, figure
         evaluations = cube["evaluations"][()].reshape(layers.shape)
     lines = hovered(plot, variable, "Line")
     assert len(lines) == layers.shape[0] * len(made.METHODS)
-    for one, errors, cost in zip(
-        lines, layers.reshape(-1, made.TAU.size), evaluations.reshape(-1, made.TAU.size), strict=True
-    ):
+    runs = (values.reshape(-1, made.TAU.size) for values in (layers, evaluations))
+    for one, errors, cost in zip(lines, *runs, strict=True):
         there = np.isfinite(errors) & (errors > 0)
         data = one.data_source.data
         drawn = np.isfinite(data[variable])

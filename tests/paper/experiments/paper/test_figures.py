@@ -156,9 +156,7 @@ VANISH = {"drift": [1, 2, 4], "kick": [1, 2, 3, 6]}
 ORDERS = np.arange(1, 10)
 
 
-@pytest.fixture
-def cube():
-    return made.terms()
+cube = pytest.fixture(made.terms)
 
 
 def remaining(cube, name, first):
@@ -238,9 +236,7 @@ TOLD = [0, 1, 2, *range(6, 12)]
 NOT_TOLD = list(range(12, 25))
 
 
-@pytest.fixture
-def advance_cube():
-    return made.advances()
+advance_cube = pytest.fixture(made.advances)
 
 
 def at(values, indices):
@@ -255,25 +251,17 @@ def curves(advance_cube, name):
     return one.evaluations_per_orbit.values, at(size, TOLD), at(size, NOT_TOLD)
 
 
-def test_advance_beyond_its_interval_is_dot_and_some_have_markers(advance_cube):
+def test_advance_is_dot_beyond_its_interval_and_cross_within_it_or_at_its_end(advance_cube):
     axes = figures.fig4_perihelion(advance_cube).axes[0]
     for name in made.METHODS:
-        x, told, _ = curves(advance_cube, name)
+        x, told, not_told = curves(advance_cube, name)
         dots, marks = lines_of(axes, x, told)
         colour = look_of(name)[0]
         assert look(dots) == (colour, ".", colour, SOLID)
         assert look(marks) == look_of(name, NO_LINE)
-        assert np.flatnonzero(drawn(dots)).tolist() == TOLD
-
-
-def test_advance_within_its_interval_or_equal_to_it_is_cross(advance_cube):
-    axes = figures.fig4_perihelion(advance_cube).axes[0]
-    for name in made.METHODS:
-        x, _, not_told = curves(advance_cube, name)
         crosses = line_of(axes, x, not_told)
-        colour, marker, _, line = look(crosses)
-        assert (colour, marker, line) == (look_of(name)[0], "x", NO_LINE)
-        assert np.flatnonzero(drawn(crosses)).tolist() == NOT_TOLD
+        assert [look(crosses)[i] for i in (0, 1, 3)] == [colour, "x", NO_LINE]
+        assert [np.flatnonzero(drawn(line)).tolist() for line in (dots, crosses)] == [TOLD, NOT_TOLD]
 
 
 def test_error_bars_are_intervals_of_nonzero_advances(advance_cube):
@@ -326,9 +314,8 @@ def test_relativistic_line_is_labelled_at_42_98_arcseconds_per_century(advance_c
 
 
 def test_advances_that_are_no_results_are_shaded(advance_cube):
-    advance_cube.perihelion_advance[...] = np.geomspace(1e-17, 10, advance_cube.perihelion_advance.size).reshape(
-        advance_cube.perihelion_advance.shape
-    )
+    size = advance_cube.perihelion_advance.size
+    advance_cube.perihelion_advance[...] = np.geomspace(1e-17, 10, size).reshape(len(made.METHODS), -1)
     axes = figures.fig4_perihelion(advance_cube).axes[0]
     low, high = axes.get_ylim()
     spans = [patch.get_window_extent().transformed(axes.transData.inverted()).intervaly for patch in axes.patches]
@@ -346,9 +333,7 @@ def test_the_relativistic_line_of_mercury_is_what_general_relativity_gives(advan
 # --- The figure of panel D outside its plane: curves, crosses at divergence, and legend.
 
 
-@pytest.fixture
-def displaced_cube():
-    return made.displaced()
+displaced_cube = pytest.fixture(made.displaced)
 
 
 @pytest.fixture
@@ -388,9 +373,7 @@ SAYS = {
 }
 
 
-@pytest.fixture(scope="module")
-def panels():
-    return made.toy_panels()
+panels = pytest.fixture(made.toy_panels, scope="module")
 
 
 @pytest.fixture(scope="module")
@@ -431,9 +414,8 @@ def test_dots_carry_the_signs_of_the_pair_that_follows(panels_figure, panels, fi
     pairs = list(zip_longest(*(map(float, row) for row in rows), fillvalue=0.0))
     index = {"drift": 0, "kick": 1}[first]
     panel = list(panels.values())[index]
-    path = [
-        list(zip(*rows, strict=True)) for rows in zip(panel.q.values.tolist(), panel.p.values.tolist(), strict=True)
-    ]
+    states = zip(panel.q.values.tolist(), panel.p.values.tolist(), strict=True)
+    path = [list(zip(*rows, strict=True)) for rows in states]
     expected = []
     for points in path:
         for (c, d), (q, p) in zip(pairs[1:], points[1:-1], strict=True):
@@ -471,9 +453,8 @@ def test_each_panel_states_step_and_energy_errors_below_its_frame(panels_figure,
     for axes, panel in zip(grid(panels_figure), panels.values(), strict=True):
         q, p = (panel[name].values[-1, -1] for name in "qp")
         says = axes.texts[-1].get_text()
-        error, largest = re.fullmatch(
-            r"τ = 0\.3, \|ΔH/H₀\| = (.+) after 2 iterations,\nat most (.+) in 1000 iterations", says
-        ).groups()
+        form = r"τ = 0\.3, \|ΔH/H₀\| = (.+) after 2 iterations,\nat most (.+) in 1000 iterations"
+        error, largest = re.fullmatch(form, says).groups()
         assert number(error) == pytest.approx(abs((q * q + p * p) / 2 - 0.5) / 0.5, rel=0.05)
         assert number(largest) == pytest.approx(panel.max_energy_error.item(), rel=0.05)
         assert axes.texts[-1].get_window_extent().y1 < axes.bbox.y0
