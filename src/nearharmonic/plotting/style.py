@@ -85,7 +85,7 @@ def keep_inside(figure: Figure) -> None:
 
 
 def panel_letter(axes: Axes, letter: str | int, says: str = "", y: float = 1.0) -> None:
-    """Write a letter, or that of a number from 0, in bold above the upper left corner of ``axes``, and a title."""
+    """Write a letter, or the letter of a number from 0, in bold at the upper left corner of ``axes``, and a title."""
     bold = letter if isinstance(letter, str) else ascii_uppercase[letter % len(ascii_uppercase)]
     axes.set_title(bold, x=0, ha="left", y=y, fontsize=9, pad=4, fontweight="bold")
     axes.set_title(says, loc="left", x=13 / 72 * axes.figure.dpi / axes.bbox.width, y=y, fontsize=9, pad=4)
@@ -246,7 +246,7 @@ def png(figure: Figure, dpi: float, title: str = "") -> bytes:
 DASHED: dict[str, Any] = {"linestyle": (0, (4, 5)), "marker": "none", "linewidth": 0.9, "zorder": 2}
 #: Place of a legend above the panels.
 LEGEND: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.545, 0.995), "ncols": 4, "columnspacing": 1.8}
-#: Rows for which there is space, those of ten methods, and height of a row relative to the height of the figure.
+#: Rows for which there is space, enough for ten methods, and height of a row relative to the height of the figure.
 LEGEND_ROWS, LEGEND_ROW = 3, 0.0195
 #: Height of a row of the strip of diverged runs, largest height of the strip, and gap between panels, in inches.
 STRIP_ROW, STRIP, GAP = 0.03, 0.42, 0.365
@@ -319,7 +319,7 @@ def draw_profiles(
 
 
 def _draw_strip(axes: Axes, rows: Sequence[Any], name: str, colours: Sequence[str]) -> None:
-    """Draw the rows of ``profile.beyond``, a square for each run; ``colours`` are those of all curves."""
+    """Draw the rows of ``profile.beyond``, a square for each run; ``colours`` are the colours of all curves."""
     look: Any = {"linestyle": "none", "marker": "s", "markersize": 1.9, "markeredgewidth": 0}
     for row, (curve, runs) in enumerate(rows):
         taus = runs["tau_per_stage"].values

@@ -76,7 +76,7 @@ def _templates() -> Any:
 LARGEST = 4_000_000
 #: Verdicts in the order of the statements beneath a figure.
 WORST_FIRST = ("fails", "erratum", "holds in part", "holds but for edges", "holds", OPEN)
-#: Figure at the top of the page; without it, that of the config's own system, or that of this cube.
+#: Figure at the top of the page; without it, the figure of the config's own system, or the figure of this cube.
 FIRST_SHOWN, OR_OF_CUBE = "gain", "henon_heiles"
 
 

@@ -1,4 +1,4 @@
-"""The interactive figures: those of the paper, drawn by bokeh from what the static ones show too.
+"""The interactive figures of the paper, drawn by bokeh from the data of the static figures.
 
 Every renderer has the name of its method as a tag; the legend of the page uses it to show and hide the method. A page
 holds the plots of a figure as a document of bokeh, and the script that shows them. The document is written as JSON,
@@ -119,7 +119,7 @@ def script() -> str:
 _REACH = 12
 #: Columns of a curve of more points than a page can hold.
 COLUMNS = 120
-#: Number of markers on a curve, interleaved with those of other methods.
+#: Number of markers on a curve, interleaved with the markers of other methods.
 _MARKS = 14
 #: In pixels.
 _MARKER_SIZE = 7
@@ -232,7 +232,7 @@ def lines_of(lines: Sequence[Any]) -> Model:
 
 
 def marked(columns: Mapping[str, Any], y: str, line: Line) -> dict[str, Any]:
-    """Return ``columns`` with a mask of the points with a marker: those that no line leads to, and one of every few.
+    """Return ``columns`` with a mask of the points with a marker: points that no line leads to, and one of every few.
 
     Curves in extended precision have only the former.
     """

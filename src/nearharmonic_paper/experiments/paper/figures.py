@@ -243,7 +243,7 @@ def gain(*cubes: xr.Dataset, variable: str = "max_energy_error", narrow: bool = 
 
 
 def _draw_gains(axes: Axes, found: xr.DataArray) -> list[Line2D]:
-    """Draw a curve for each method, bold for those with filled markers."""
+    """Draw a curve for each method, bold for methods with filled markers."""
     curves = []
     for curve in found:
         own = style.style_of(str(curve["integrator"].values))
