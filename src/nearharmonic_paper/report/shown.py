@@ -381,8 +381,8 @@ class ShownFigure:
 
     ``anchor`` is the id of its element, and the name of the page of this figure alone. ``hint`` is a sentence on what
     the interactive panels have besides, and ``document`` the compressed document of their plots. ``statements`` are
-    the statements of the paper that it decides or illustrates, the worst first, and ``methods`` the labels in its panels by
-    name. The energy errors of a system that the paper does not have ``is_own``.
+    statements of the paper that the figure decides or illustrates, the worst first, and ``methods`` the labels in its
+    panels by name. The energy errors of a system that the paper does not have ``is_own``.
     """
 
     anchor: str
