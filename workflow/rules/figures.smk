@@ -7,7 +7,7 @@ _JOBS = {}  # figures of a job: of the same cubes and width, and each that is no
 for _one in FIGURES:
     _cubes = _one.cubes or ((_one.cube,) if _one.cube else ())
     _JOBS.setdefault((_cubes, "", "" if _one.by_default else _one.stem), []).append(_one)
-    if _one in PAPER_FIGURES and not _one.cubes:
+    if _one in PAPER_FIGURES and _one.by_default:
         _JOBS.setdefault((_cubes, "_column", ""), []).append(_one)
 
 for (_cubes, _width, _apart), _figures in _JOBS.items():
@@ -57,4 +57,4 @@ for _figure in FIGURES:
 
 rule columns:
     input:
-        [FIGURE(f"{one.stem}_column") for one in PAPER_FIGURES if not one.cubes],
+        [FIGURE(f"{one.stem}_column") for one in PAPER_FIGURES if one.by_default],

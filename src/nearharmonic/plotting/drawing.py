@@ -35,10 +35,10 @@ if TYPE_CHECKING:
 TOLD = ("system", "precision", "summation", "first", "t_end", "split")
 #: Dashes of the second, third, ... Dataset of one integrator; extended precision has the dashes of the figures.
 DASHES = ("solid", (0, (6, 2)), (0, (1, 1)), (0, (6, 2, 1, 2)))
-#: Indicators of chaos over time: name, label, and scale of the axis.
+#: Indicators of chaos over time: name, label, and logarithmic axes.
 INDICATORS = (
-    ("lyapunov_exponent", r"largest exponent, $\ln(|\delta|/|\delta_0|)/t$", "log"),
-    ("megno", "MEGNO", "linear"), ("sali", "SALI", "log"),
+    ("lyapunov_exponent", r"largest exponent, $\ln(|\delta|/|\delta_0|)/t$", "y"), ("megno", "MEGNO", ""),
+    ("sali", "SALI", "y"),
 )  # fmt: skip
 #: Methods of a recommendation that are named beside their points: the fastest ones.
 NAMED = 8
@@ -79,8 +79,7 @@ def draw(source: str, kind: str, given: Sequence[xr.Dataset], axes: Sequence[str
 
 def write_above(drawn: Figure, title: str) -> None:
     """Write a title into a strip added above a figure."""
-    width, height = drawn.get_size_inches()
-    strip = 0.32
+    (width, height), strip = drawn.get_size_inches(), 0.32
     share = height / (height + strip)
     drawn.set_size_inches(width, height + strip)
     for one in drawn.axes:
@@ -237,14 +236,13 @@ def _chaos(runs: Sequence[Run]) -> Figure:
     height = 0.9 + 2.3 * len(shown)
     drawn = _frame(height, left=0.125, top=1 - 0.55 / height, bottom=0.07, hspace=0.16)
     panels = drawn.subplots(len(shown), 1, sharex=True, squeeze=False).flat
-    for number, (axes, (name, label, scale)) in enumerate(zip(panels, shown, strict=True)):
+    for number, (axes, (name, label, logarithmic)) in enumerate(zip(panels, shown, strict=True)):
         for run in runs:
             rows, look = np.atleast_2d(run.dataset[name].values), run.thin()
             colours = colormaps["cividis"](np.linspace(0, 0.9, len(rows))) if len(rows) > 1 else [look["color"]]
             for row, colour in zip(rows, colours, strict=True):
                 axes.plot(run.dataset["t"].values, row, **{**look, "color": colour})
-        if scale == "log":
-            style.log_scale(axes, "y")
+        style.log_scale(axes, logarithmic)
         axes.set_ylabel(label + in_brackets(str(given[0][name].attrs.get("units", "1"))))
         style.panel_letter(axes, number, "one line for each member" if MEMBER in given[0].dims and not number else "")
     axes.set_xlabel(r"time $t$" + in_brackets(_common_unit(given, "t")))
@@ -410,10 +408,7 @@ def _title_of(kind: str, first: xr.Dataset, asked: object = None) -> str:
 
 
 def _draw_curve(axes: Axes, one: xr.Dataset, pair: Pair, line: Mapping[str, Any]) -> None:
-    """Draw a trajectory with a dot at its start.
-
-    Between coarse samples the curve is smooth. Where its formulas are unknown, they are points.
-    """
+    """Draw a trajectory from a dot on. Smooth curves join coarse samples, which are points for unknown formulas."""
     x, y = columns = [_column(one, quantity) for quantity in pair]
     turn = _largest_turn(x, y)
     smooth = _smooth(one, pair) if turn > COARSE else None
@@ -467,10 +462,8 @@ def _rates_of(one: xr.Dataset) -> Callable[[Floats], Floats] | None:
     The name alone does not tell: a user's system may have it too.
     """
     name = str(one.attrs.get("system"))
-    if name not in systems.registered or systems[name].regularisation is not None:
-        return None
-    system = systems[name]
-    if formulas_digest(system) != one.attrs.get("formulas"):
+    system = systems[name] if name in systems.registered else None
+    if not system or system.regularisation is not None or formulas_digest(system) != one.attrs.get("formulas"):
         return None
     try:
         told = json.loads(one.attrs.get("parameters", "{}"))
@@ -534,10 +527,7 @@ def _pictures(given: Sequence[xr.Dataset], frames: int, title: str | None) -> li
 
 
 def truncator(figure: Figure, given: Sequence[xr.Dataset]) -> Callable[[float], None]:
-    """Put the orbit above the energy error, and return a function that cuts both at a share of the time.
-
-    ``figure`` is the plot of the trajectories ``given``.
-    """
+    """Put the orbit of a plot of ``given`` above the energy error, and return a function that cuts both at a share."""
     energy, orbit = figure.axes
     upper, lower = energy.get_position(), orbit.get_position()
     energy.set_position((lower.x0, lower.y0, upper.width, upper.height))

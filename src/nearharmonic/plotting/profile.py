@@ -171,6 +171,20 @@ def _extremes(values: Floats, edges: list[int]) -> Iterator[int]:
             yield from (int(gaps[0]), int(gaps[-1]))
 
 
+def spread(heights: Floats, row: float) -> Floats:
+    """Return the nearest heights to ``heights``, in ascending order, that are a row apart, by isotonic regression."""
+    steps, count = row * np.arange(len(heights)), len(heights)
+    free = heights - steps
+    ranks = [max(min(free[j : k + 1].mean() for k in range(i, count)) for j in range(i + 1)) for i in range(count)]
+    found: Floats = np.add(steps, ranks)
+    return found
+
+
+def darker(colour: str) -> str:
+    """Return the hexadecimal name of a colour a quarter darker, for text in the colour of a curve."""
+    return "#" + "".join(f"{int(0.75 * int(colour[i : i + 2], 16) + 0.5):02x}" for i in (1, 3, 5))
+
+
 def text_on(colour: Floats) -> str:
     """Return black or white: the one with the higher contrast with a colour (WCAG 2.1), at least 4.5 to 1."""
     linear = np.where(colour <= 0.04045, colour / 12.92, ((colour + 0.055) / 1.055) ** 2.4)

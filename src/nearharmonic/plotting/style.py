@@ -19,7 +19,7 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
-from matplotlib.colors import to_rgb
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.font_manager import fontManager
 from matplotlib.lines import Line2D
@@ -85,7 +85,7 @@ def keep_inside(figure: Figure) -> None:
 
 
 def panel_letter(axes: Axes, letter: str | int, says: str = "", y: float = 1.0) -> None:
-    """Write a letter, or that of a number from 0, in bold above the upper left corner of ``axes``, and a title."""
+    """Write a letter, or the letter of a number from 0, in bold at the upper left corner of ``axes``, and a title."""
     bold = letter if isinstance(letter, str) else ascii_uppercase[letter % len(ascii_uppercase)]
     axes.set_title(bold, x=0, ha="left", y=y, fontsize=9, pad=4, fontweight="bold")
     axes.set_title(says, loc="left", x=13 / 72 * axes.figure.dpi / axes.bbox.width, y=y, fontsize=9, pad=4)
@@ -103,8 +103,7 @@ def lettered(number: int, says: str) -> str:
 
 def write_beside(axes: Axes, text: str, place: tuple[float, float], offset: tuple[float, float], **look: Any) -> None:
     """Write ``text`` beside a place, at an offset in points; ``look`` are arguments of ``Axes.annotate``."""
-    look = {"color": "#404040", "fontsize": 8, **look}
-    axes.annotate(text, place, xytext=offset, textcoords="offset points", **look)
+    axes.annotate(text, place, xytext=offset, textcoords="offset points", **{"color": "#404040", "fontsize": 8, **look})
 
 
 def log_scale(axes: Axes, directions: str) -> None:
@@ -160,11 +159,11 @@ def method_handles(integrators: Iterable[str], labels: Iterable[str], **changes:
     return [Line2D([], [], label=label, **style_of(name).line(**changes)) for name, label in named]
 
 
-def label_ends(axes: Axes, curves: Iterable[Line2D], *, left: bool = False) -> list[Text]:
+def label_ends(axes: Axes, curves: Iterable[Line2D], *, left: bool = False, size: float = 7.5) -> list[Text]:
     """Write the label of each curve beside its right or left end, in its colour a quarter darker; return the labels.
 
-    Labels keep the order of the ends and move apart as little as possible, each with a line to its end. The limits and
-    the size of ``axes`` must be final.
+    Labels of ``size`` points keep the order of the ends and move apart as little as possible, each with a line to its
+    end. The limits and the size of ``axes`` must be final.
     """
     low, high = axes.get_xlim()
     ends: list[tuple[float, float, Line2D]] = []
@@ -173,20 +172,17 @@ def label_ends(axes: Axes, curves: Iterable[Line2D], *, left: bool = False) -> l
         points = points[np.isfinite(points[:, 1]) & (low <= points[:, 0]) & (points[:, 0] <= high)]
         ends += [(*axes.transData.transform(points[0 if left else -1]), curve)] if len(points) else []
     ends.sort(key=lambda end: float(end[1]))
-    count, point, side, size = len(ends), axes.figure.dpi / 72, "right" if left else "left", 7.5
-    apart = 1.25 * size * point * np.arange(count)
-    free = np.array([height for _, height, _ in ends]) - apart
-    # Isotonic regression: the nearest heights to the ends that leave a row to each label.
-    rows = [max(min(free[j : k + 1].mean() for k in range(i, count)) for j in range(i + 1)) for i in range(count)]
+    point, side = axes.figure.dpi / 72, "right" if left else "left"
+    rows = profile.spread(np.array([height for _, height, _ in ends]), 1.25 * size * point)
     labels, leaders = [], []
-    for (x, y, curve), row in zip(ends, rows + apart, strict=True):
+    for (x, y, curve), row in zip(ends, rows, strict=True):
         ways = [(x + far * point * (-1 if left else 1), height) for far, height in ((2, y), (10, row), (12, row))]
         *leader, (beside, middle) = axes.transData.inverted().transform(ways)
-        says, colour = str(curve.get_label()), [0.75 * part for part in to_rgb(curve.get_color())]
+        says, colour = str(curve.get_label()), profile.darker(to_hex(curve.get_color()))
         labels.append(axes.text(beside, middle, says, ha=side, va="center", fontsize=size, color=colour))
         leaders.append(leader)
-    colours = [label.get_color() for label in labels]
-    axes.add_collection(LineCollection(leaders, colors=colours, linewidths=0.5), autolim=False)
+    joined = LineCollection(leaders, colors=[one.get_color() for one in labels], linewidths=0.5)
+    axes.add_collection(joined, autolim=False)
     return labels
 
 
@@ -250,7 +246,7 @@ def png(figure: Figure, dpi: float, title: str = "") -> bytes:
 DASHED: dict[str, Any] = {"linestyle": (0, (4, 5)), "marker": "none", "linewidth": 0.9, "zorder": 2}
 #: Place of a legend above the panels.
 LEGEND: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.545, 0.995), "ncols": 4, "columnspacing": 1.8}
-#: Rows for which there is space, those of ten methods, and height of a row relative to the height of the figure.
+#: Rows for which there is space, enough for ten methods, and height of a row relative to the height of the figure.
 LEGEND_ROWS, LEGEND_ROW = 3, 0.0195
 #: Height of a row of the strip of diverged runs, largest height of the strip, and gap between panels, in inches.
 STRIP_ROW, STRIP, GAP = 0.03, 0.42, 0.365
@@ -323,7 +319,7 @@ def draw_profiles(
 
 
 def _draw_strip(axes: Axes, rows: Sequence[Any], name: str, colours: Sequence[str]) -> None:
-    """Draw the rows of ``profile.beyond``, a square for each run; ``colours`` are those of all curves."""
+    """Draw the rows of ``profile.beyond``, a square for each run; ``colours`` are the colours of all curves."""
     look: Any = {"linestyle": "none", "marker": "s", "markersize": 1.9, "markeredgewidth": 0}
     for row, (curve, runs) in enumerate(rows):
         taus = runs["tau_per_stage"].values

@@ -61,13 +61,8 @@ def _templates() -> Any:
 
     from nearharmonic_paper.report import plots
 
-    environment = Environment(
-        loader=FileSystemLoader(FOLDER),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    trimmed: dict[str, Any] = {"trim_blocks": True, "lstrip_blocks": True, "undefined": StrictUndefined}
+    environment = Environment(loader=FileSystemLoader(FOLDER), autoescape=True, **trimmed)
     assets = {"style": "page.css", "script": "page.js", "alive_script": "alive.js"}
     texts = {name: Markup((FOLDER / asset).read_text(encoding="utf-8")) for name, asset in assets.items()}
     told = {"wording": wording, "short": short, "looks": wording.VERDICTS, "bokeh": packed(plots.script())}
@@ -81,7 +76,7 @@ def _templates() -> Any:
 LARGEST = 4_000_000
 #: Verdicts in the order of the statements beneath a figure.
 WORST_FIRST = ("fails", "erratum", "holds in part", "holds but for edges", "holds", OPEN)
-#: Figure at the top of the page; without it, that of the config's own system, or that of this cube.
+#: Figure at the top of the page; without it, the figure of the config's own system, or the figure of this cube.
 FIRST_SHOWN, OR_OF_CUBE = "gain", "henon_heiles"
 
 

@@ -1,4 +1,4 @@
-"""The interactive figures: those of the paper, drawn by bokeh from what the static ones show too.
+"""The interactive figures of the paper, drawn by bokeh from the data of the static figures.
 
 Every renderer has the name of its method as a tag; the legend of the page uses it to show and hide the method. A page
 holds the plots of a figure as a document of bokeh, and the script that shows them. The document is written as JSON,
@@ -31,16 +31,19 @@ from nearharmonic.plotting.profile import (
     UNITS,
     Line,
     beyond,
+    darker,
     energy_error_label,
     floor_name,
     floor_near,
     lines,
     lone,
+    spread,
     style_of,
 )
 from nearharmonic_paper.experiments.paper.gain import gains
 from nearharmonic_paper.experiments.paper.orbits import (
     MERCURY_RELATIVISTIC_ADVANCE,
+    NO_ORDER,
     SATISFIED_BELOW,
     advances,
     arcseconds_per_century,
@@ -116,7 +119,7 @@ def script() -> str:
 _REACH = 12
 #: Columns of a curve of more points than a page can hold.
 COLUMNS = 120
-#: Number of markers on a curve, interleaved with those of other methods.
+#: Number of markers on a curve, interleaved with the markers of other methods.
 _MARKS = 14
 #: In pixels.
 _MARKER_SIZE = 7
@@ -126,14 +129,10 @@ FONT = "system-ui, sans-serif"
 _LOGARITHMIC = "log"
 #: Labels of axes and their ticks.
 _AXIS = {
-    "axis_label_text_font": FONT,
-    "axis_label_text_font_style": "normal",
-    "axis_label_text_font_size": "13px",
-    "axis_label_text_color": "#222222",
-    "major_label_text_font": FONT,
-    "major_label_text_font_size": "12px",
+    "axis_label_text_font": FONT, "axis_label_text_font_style": "normal", "axis_label_text_font_size": "13px",
+    "axis_label_text_color": "#222222", "major_label_text_font": FONT, "major_label_text_font_size": "12px",
     "major_label_text_color": "#333333",
-}
+}  # fmt: skip
 
 
 class Marker(NamedTuple):
@@ -204,24 +203,12 @@ def new_plot(ranges: tuple[Model, Model], labels: tuple[str, str], height: int =
     axes = [_axis(one, label) for one, label in zip(ranges, labels, strict=True)]
     scales = [Model("LogScale") if _LOGARITHMIC in one.tags else Model("LinearScale") for one in ranges]
     return Model(
-        "Plot",
-        title=None,
-        x_range=ranges[0],
-        y_range=ranges[1],
-        x_scale=scales[0],
-        y_scale=scales[1],
-        height=height,
-        sizing_mode="stretch_width",
-        output_backend="canvas",
+        "Plot", title=None, x_range=ranges[0], y_range=ranges[1], x_scale=scales[0], y_scale=scales[1], height=height,
+        sizing_mode="stretch_width", output_backend="canvas", renderers=[], below=[axes[0]], left=[axes[1]],
         toolbar=Model("Toolbar", logo=None, tools=tools, active_drag=tools[0], active_scroll=None),
-        min_border=4,
-        min_border_right=14,
-        outline_line_color="#444444",
-        renderers=[],
-        below=[axes[0]],
-        left=[axes[1]],
+        min_border=4, min_border_right=14, outline_line_color="#444444",
         center=[Model("Grid", axis=axis, dimension=i, grid_line_color="#e3e3e3") for i, axis in enumerate(axes)],
-    )
+    )  # fmt: skip
 
 
 def _axis(one: Model, label: str) -> Model:
@@ -245,7 +232,7 @@ def lines_of(lines: Sequence[Any]) -> Model:
 
 
 def marked(columns: Mapping[str, Any], y: str, line: Line) -> dict[str, Any]:
-    """Return ``columns`` with a mask of the points with a marker: those that no line leads to, and one of every few.
+    """Return ``columns`` with a mask of the points with a marker: points that no line leads to, and one of every few.
 
     Curves in extended precision have only the former.
     """
@@ -280,14 +267,8 @@ def add_markers(plot: Model, source: Model, at: tuple[str, str], method: str, na
     style = style_of(method)
     marker = MARKERS[style.marker]
     seen = fields(line_alpha=MARKED, fill_alpha=MARKED) if MARKED in source.data else {}
-    look = {
-        "marker": marker.shape,
-        "angle": marker.angle,
-        "size": _MARKER_SIZE,
-        "line_color": style.colour,
-        "line_width": 1.3,
-        "fill_color": style.colour if style.filled else "#ffffff",
-    }
+    look = {"marker": marker.shape, "angle": marker.angle, "size": _MARKER_SIZE, "line_color": style.colour}
+    look |= {"line_width": 1.3, "fill_color": style.colour if style.filled else "#ffffff"}
     return add(plot, source, Model("Scatter", **fields(x=at[0], y=at[1]), **(look | seen | changes)), method, name)
 
 
@@ -296,7 +277,9 @@ def add_level(plot: Model, level: float, text: str) -> None:
     plot.center.append(Model("Span", location=level, dimension="width", line_color="#404040", line_dash=[6, 3]))
     at = {"x": plot.x_range.end, "y": level, "x_offset": -8, "y_offset": 4}
     look = {"text_align": "right", "text_font_size": "12px", "text_color": "#404040", "text_font": FONT}
-    plot.center.append(Model("Label", text=text, background_fill_color="#ffffff", **at, **look))
+    plot.center.append(
+        Model("Label", text=text, background_fill_color="#ffffff", background_fill_alpha=0.8, **at, **look)
+    )
 
 
 def add_hits(plot: Model, source: Model, at: tuple[str, str], method: str, name: str) -> list[Model]:
@@ -319,19 +302,9 @@ def add_hits(plot: Model, source: Model, at: tuple[str, str], method: str, name:
 def add_hover(plot: Model, renderers: Sequence[Model], rows: Sequence[tuple[str, str]]) -> None:
     """Show ``rows`` of (text, field) at points of ``renderers``; fields have bokeh's notation, with printf formats."""
     formatters = {f"@{name}": "printf" for _, field in rows for name in re.findall(r"@(\w+)\{%", field)}
-    plot.toolbar.tools.append(
-        Model(
-            "HoverTool",
-            renderers=list(renderers),
-            tooltips=[list(row) for row in rows],
-            formatters=formatters,
-            sort_by=None,
-            limit=1,
-            line_policy="nearest",
-            point_policy="snap_to_data",
-            attachment="horizontal",
-        )
-    )
+    found: dict[str, Any] = {"renderers": list(renderers), "line_policy": "nearest", "point_policy": "snap_to_data"}
+    told = {"tooltips": [list(row) for row in rows], "formatters": formatters, "attachment": "horizontal"}
+    plot.toolbar.tools.append(Model("HoverTool", **found, sort_by=None, limit=1, **told))
 
 
 # --- Figures of the paper.
@@ -339,6 +312,7 @@ def add_hover(plot: Model, renderers: Sequence[Model], rows: Sequence[tuple[str,
 #: Height of a row of the strip of diverged runs, relative to the panel beneath it; and style of its name.
 _ROW = 0.011
 _NAME = {"text_font": FONT, "text_font_size": "11px", "text_color": "#444444", "text_baseline": "middle"}
+_BAND = {"fill_color": "#ececec", "fill_alpha": 1.0, "line_color": None, "level": "underlay"}
 _SQUARE = {"marker": "square", "angle": 0.0, "size": 4, "line_color": None}
 #: Operator of the outer row -> name of the composition.
 _COMPOSITIONS = {"drift": "ABA", "kick": "BAB"}
@@ -348,6 +322,8 @@ _SHADES = (
     "#dadfe4", "#d4d9e0", "#ced4db", "#c8ced7", "#c2c9d3", "#b9c3cf",
 )  # fmt: skip
 _BLUE, _RED, _GREEN = "#0b5fb5", "#d7301f", "#1a9850"
+#: Height of a row of labels, relative to the height of a panel on a phone.
+_LABEL_ROW = 0.05
 #: A bar across a dot, white.
 _BAR = {"marker": "dash", "size": 7, "line_color": "#ffffff", "line_width": 2}
 #: (next drift negative, next kick negative) -> meaning, and markers drawn over each other.
@@ -431,7 +407,10 @@ def gain(*cubes: xr.Dataset, variable: str = "max_energy_error") -> list[Panel]:
     for letter, cube, one in zip(ascii_uppercase, cubes, found, strict=False):
         unit, there = cube["tau_per_stage"].attrs.get("units", "1"), one.notnull().any("integrator").values
         x = one["tau_per_stage"].values[there]
-        plot = new_plot((span([x], logarithmic=True), up), (_step_label(unit), "Ruth's error / error of the method"))
+        along = span([x], logarithmic=True)
+        along.start *= (along.start / along.end) ** 0.3  # labels need room on the left
+        plot = new_plot((along, up), (_step_label(unit), "Ruth's error / error of the method"))
+        _label_ends(plot, one[:, there])
         hits: list[Model] = []
         for curve, label in zip(one[:, there], cube["label"].values, strict=True):
             source, method = source_of(x=x, gain=curve.values), str(curve["integrator"].values)
@@ -442,6 +421,21 @@ def gain(*cubes: xr.Dataset, variable: str = "max_energy_error") -> list[Panel]:
         add_hover(plot, hits, rows)
         drawn.append(Panel(f"{letter}. {cube.attrs['system_label']}, {PANELS[variable]} over all steps", plot))
     return drawn
+
+
+def _label_ends(plot: Model, curves: xr.DataArray) -> None:
+    """Write the label of each curve beside its left end, as in the static figure; a phone has space for them too."""
+    first = [curve.dropna("tau_per_stage")[:1] for curve in curves]
+    ends = sorted((one for one in first if one.size), key=lambda one: one.item())
+    up, along = (np.log(one.end / one.start) for one in (plot.y_range, plot.x_range))
+    rows = np.exp(spread(np.log([one.item() for one in ends]), _LABEL_ROW * up))
+    for one, row in zip(ends, rows, strict=True):
+        method, label, x = (one[name].item() for name in ("integrator", "label", "tau_per_stage"))
+        source = source_of(x=[x], y=[one.item()], aside=[x * np.exp(-0.03 * along)], row=[row], label=[label])
+        colour = darker(style_of(method).colour)
+        add(plot, source, Model("Segment", **fields(x0="x", y0="y", x1="aside", y1="row"), line_color=colour), method)
+        look = _NAME | {"text_color": colour, "text_align": "right", "x_offset": -2}
+        add(plot, source, Model("Text", **fields(x="aside", y="row", text="label"), **look), method)
 
 
 def _step_label(unit: str) -> str:
@@ -548,20 +542,23 @@ def perihelion(cube: xr.Dataset) -> list[Panel]:
     plot = new_plot((along, up), ("force evaluations per orbit", "|perihelion advance| (rad per orbit)"))
     plot.extra_y_ranges = {"century": exactly(up.start * century, up.end * century, logarithmic=True)}
     plot.extra_y_scales = {"century": Model("LogScale")}
-    plot.right = [_axis(plot.extra_y_ranges["century"], "|perihelion advance| (arcseconds per century)")]
+    plot.right = [_axis(plot.extra_y_ranges["century"], "arcseconds per century")]
     plot.right[0].y_range_name, plot.right[0].axis_label_standoff = "century", 10
-    relativity = f"general relativity: {MERCURY_RELATIVISTIC_ADVANCE}″ per century"
+    for says, *between in NO_ORDER:
+        low, high = np.clip(between, up.start, up.end).tolist()
+        if low < high:
+            top = low > up.start
+            at = {"x": along.end if top else along.start, "y": low, "x_offset": -8 if top else 8, "y_offset": 3}
+            look = _NAME | at | {"text_align": "right" if top else "left", "text_baseline": "bottom"}
+            band = Model("BoxAnnotation", **({"bottom": low} if top else {"top": high}), **_BAND)
+            plot.center += [band, Model("Label", text=says, **look)]
+    relativity = f"general relativity:\n{MERCURY_RELATIVISTIC_ADVANCE}″ per century"  # a phone has no room for one line
     add_level(plot, MERCURY_RELATIVISTIC_ADVANCE / century, relativity)
     dots: list[Model] = []
     for line, evaluations, size, interval, known, unknown in advances(cube, COLUMNS // 2):
         runs, method = line.runs, line.integrator
-        columns: dict[str, Any] = {
-            x: evaluations,
-            y: size,
-            "interval": interval,
-            "arcseconds": size * century,
-            "tau_per_stage": runs["tau_per_stage"].values,
-        }
+        columns: dict[str, Any] = {x: evaluations, y: size, "interval": interval, "arcseconds": size * century}
+        columns["tau_per_stage"] = runs["tau_per_stage"].values
         source = source_of(**marked(columns | {y: np.where(known, size, np.nan)}, y, line))
         add_line(plot, source, (x, y), method, line_width=1.0)
         bars = {x: evaluations[known], "low": (size - interval)[known], "high": (size + interval)[known]}
@@ -597,8 +594,8 @@ def phase_space(paths: dict[str, xr.Dataset]) -> list[Panel]:
             ranges = tuple(exactly(*path[name].values[[0, -1]]) for name in ("q_grid", "p_grid"))
             shared[system] = (ranges, *_hamiltonian(path))
         ranges, bands, edges, heights, shades = shared[system]
-        moving = "_" + "xyz"[path.attrs["component"]] if path.attrs["component"] else ""
-        plot = new_plot(ranges, (f"q{moving}", f"p{moving}"), height=400)
+        along = f" along {'xyz'[path.attrs['component']]}" if path.attrs["component"] else ""
+        plot = new_plot(ranges, (f"q{along}", f"p{along}"), height=400)
         mapper = Model("LinearColorMapper", palette=shades, low=-0.5, high=len(shades) - 0.5)
         add(plot, bands, Model("Image", **fields(image="bands", x="x", y="y", dw="dw", dh="dh"), color_mapper=mapper))
         add_lines(plot, edges, line_color="#8795a5", line_width=0.6)

@@ -369,8 +369,8 @@ class ShownFigure:
 
     ``anchor`` is the id of its element, and the name of the page of this figure alone. ``hint`` is a sentence on what
     the interactive panels have besides, and ``document`` the compressed document of their plots. ``statements`` are
-    those of the paper that it decides or illustrates, the worst first, and ``methods`` the labels in its panels by
-    name. The energy errors of a system that the paper does not have ``is_own``.
+    statements of the paper that the figure decides or illustrates, the worst first, and ``methods`` the labels in its
+    panels by name. The energy errors of a system that the paper does not have ``is_own``.
     """
 
     anchor: str
@@ -378,6 +378,7 @@ class ShownFigure:
     caption: str
     stem: str
     cube: str | None = None
+    cubes: Sequence[str] = ()
     picture: str = ""
     thumbnail: str = ""
     size: Sequence[str] = ()
@@ -391,9 +392,10 @@ class ShownFigure:
     @property
     def files(self) -> dict[str, str]:
         """Paths of its files from the page, by names for links."""
-        cube = {"data (HDF5)": f"cubes/{self.cube}.h5"} if self.cube else {}
+        cubes = {f"{name} data (HDF5)": f"cubes/{name}.h5" for name in self.cubes}
+        cubes |= {"data (HDF5)": f"cubes/{self.cube}.h5"} if self.cube else {}
         alone = {"figure alone": f"{self.anchor}.html"} if self.panels else {}
-        return {kind.upper(): f"figures/{self.stem}.{kind}" for kind in ("pdf", "svg", "png")} | cube | alone
+        return {kind.upper(): f"figures/{self.stem}.{kind}" for kind in ("pdf", "svg", "png")} | cubes | alone
 
     @property
     def plots(self) -> dict[str, Any]:
@@ -423,6 +425,7 @@ def interactive(results: ShownResults) -> Iterator[ShownFigure]:
             title=f"Figure {number}. {title}" if number else title,
             caption=caption,
             cube=one.cube,
+            cubes=one.cubes,
             is_own=one.profile and number is None,
             **results.pictures(one.stem),
             **panels,

@@ -244,9 +244,7 @@ def test_importing_figures_loads_no_pyplot_and_changes_no_setting():
     program = """
 import sys, matplotlib
 before = matplotlib.rcParams.copy()
-from nearharmonic_paper.experiments.paper.figures import fig2_decomposition
-from nearharmonic_paper.experiments.paper.figures import fig4_perihelion
-from nearharmonic_paper.experiments.paper.figures import fig6_substeps
+import nearharmonic_paper.experiments.paper.figures
 print([m for m in ("matplotlib.pyplot", "xarray", "pandas") if m in sys.modules], matplotlib.rcParams.copy() == before)
 """
     answer = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)

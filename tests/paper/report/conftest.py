@@ -56,7 +56,8 @@ window.visibleIn = (figure) => [...new Set(drawn(figure).filter((one) => one.vis
 window.opacitiesIn = (figure) => {
   const found = {};
   for (const { tags: [method], glyph } of drawn(figure))
-    (found[method] ??= []).push(glyph.line_alpha.field ? 1 : glyph.line_alpha.value ?? glyph.line_alpha);
+    for (const alpha of [glyph.line_alpha, glyph.text_alpha])
+      if (alpha !== undefined) (found[method] ??= []).push(alpha.field ? 1 : alpha.value ?? alpha);
   return found;
 };
 window.roomFor = (selector) => {
@@ -115,7 +116,7 @@ def opened(chromium, browser, place):
     """Open the page as a function of the browser's settings; what went wrong is in ``page.heard``."""
     contexts = []
 
-    def open_page(early="", **settings):
+    def open_page(early="", at=place, **settings):
         context = browser.new_context(**({"viewport": {"width": 1280, "height": 900}} | settings))
         contexts.append(context)
         page = context.new_page()
@@ -125,7 +126,7 @@ def opened(chromium, browser, place):
         page.on("console", lambda said: said.type in {"error", "warning"} and page.heard["errors"].append(said.text))
         page.on("pageerror", lambda error: page.heard["errors"].append(str(error)))
         page.settle = lambda: page.evaluate(DRAWN)
-        page.goto(place.as_uri())
+        page.goto(at.as_uri())
         if settings.get("java_script_enabled", True):
             page.wait_for_selector("html[data-ready]", state="attached")
             page.evaluate(HELPERS)

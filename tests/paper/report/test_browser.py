@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 import shutil
+from functools import partial
+from types import SimpleNamespace
 
 import h5py
 import numpy as np
@@ -11,8 +13,13 @@ import pytest
 from matplotlib.colors import to_rgb
 
 import nearharmonic as nh
+from nearharmonic.integrators import BENCHMARKED
 from nearharmonic.plotting.profile import style_of
-from nearharmonic_paper.report.page import page
+from nearharmonic_paper.report.page import filled, packed, page
+from nearharmonic_paper.report.plots import document, gain
+from nearharmonic_paper.report.shown import ShownFigure
+from support.cubes import figure_cubes as made
+from support.cubes.artists import luminance
 from support.cubes.page_results import CLAIMS, DRAWN, PLOTS, write_claims, write_table
 from support.projects.workflow_project import ROOT
 
@@ -59,9 +66,7 @@ def test_every_plot_is_drawn(wide):
 
 
 def test_legend_shows_one_method_alone_and_others_beside_it(wide):
-    def seen(figure):
-        return wide.evaluate("(id) => visibleIn(id)", figure)
-
+    seen = partial(wide.evaluate, "(id) => visibleIn(id)")
     before = {figure: seen(figure) for figure in ALL_FIGURES}
     legend = wide.locator("#figure-3 .legend")
     ruth, other, every = (legend.locator(one) for one in ("[data-method=ruth]", "[data-method=aba104]", ".all"))
@@ -80,17 +85,54 @@ def test_legend_shows_one_method_alone_and_others_beside_it(wide):
         assert all(seen(figure) == before[figure] for figure in set(ALL_FIGURES) - {"figure-3"})
 
 
-def test_hover_on_legend_fades_other_methods(wide):
-    def opacities():
-        return wide.evaluate("opacitiesIn('figure-3')")
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory):
+    """The page of a figure of the gain alone, whose curves have labels near each other."""
+    cube = made.crowded().assign_attrs(system_label="system")
+    named = dict(zip(cube.integrator.values, cube.label.values, strict=True))
+    figure = ShownFigure(anchor="figure-gain", title="", caption="", stem="", panels=gain(cube, cube), methods=named)
+    figure.document = packed(document(figure.plots))
+    page = tmp_path_factory.mktemp("alone") / "figure-gain.html"
+    page.write_text(filled("figure.html", {"results": SimpleNamespace(folder=page.parent), "figure": figure}))
+    return page
 
+
+@pytest.mark.parametrize("figure", ["figure-3", "figure-gain"])
+def test_hover_on_legend_fades_other_methods_and_their_labels(wide, opened, alone, figure):
+    page = opened(at=alone) if figure == "figure-gain" else wide
+    opacities = partial(page.evaluate, "(id) => opacitiesIn(id)", figure)
     before = opacities()
-    wide.locator("#figure-3 [data-method=ruth]").hover()
+    page.locator(f".figure:has([id^={figure}-panel]) [data-method=ruth]").hover()
     pointed = opacities()
     assert pointed["ruth"] == before["ruth"]
     assert all(max(pointed[one]) <= 0.12 < max(before[one]) for one in before.keys() - {"ruth"})
-    wide.mouse.move(2, 2)
+    page.mouse.move(2, 2)
     assert opacities() == before
+
+
+#: Left edge and height of each label of a curve, in pixels from the lower left corner of the frame; widths of labels of
+#: levels; and the width of the frame.
+LABELS = """(name) => {
+  const plot = plotOf(name), ink = document.createElement("canvas").getContext("2d");
+  const broad = (text, size) => Object.assign(ink, { font: `${size}px system-ui, sans-serif` }).measureText(text).width;
+  const [left, bottom] = spotOf(name, plot.x_range.start, plot.y_range.start);
+  const ends = plot.renderers.filter((one) => one.glyph.type === "Text").map(({ data_source: { data } }) => {
+    const [x, y] = spotOf(name, data.aside[0], data.row[0]);
+    return [x - 2 - broad(data.label[0], 11) - left, bottom - y];
+  });
+  const levels = plot.center.filter((one) => one.type === "Label").flatMap((one) => one.text.split("\\n"));
+  return [ends, levels.map((line) => broad(line, 12) + 8), viewOf(name).frame.bbox.width];
+}"""
+
+
+@pytest.mark.parametrize("width", [360, 390, 1280])
+def test_labels_have_space_on_phone_and_desk(opened, alone, width):
+    ends, _, _ = opened(at=alone, viewport={"width": width, "height": 900}).evaluate(LABELS, "figure-gain-panel-2")
+    lefts, heights = np.transpose(ends)
+    assert (len(ends), min(lefts) > 0) == (len(BENCHMARKED), True)
+    assert min(np.diff([-5.5, *sorted(heights)])) >= 11
+    _, levels, frame = opened(viewport={"width": width, "height": 900}).evaluate(LABELS, "figure-4-panel-1")
+    assert 50 < max(levels) < frame
 
 
 def lonely(x, y):
@@ -331,16 +373,14 @@ def test_text_has_contrast_of_four_and_half(opened, scheme):
     page = opened(color_scheme=scheme)
     page.evaluate("for (const one of document.querySelectorAll('details')) one.open = true")
 
-    def luminance(colour):
-        channels = [int(part) / 255 for part in re.findall(r"\d+", colour)[:3]]
-        linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]
-        return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+    def light(colour):
+        return luminance([int(part) / 255 for part in re.findall(r"\d+", colour)[:3]])
 
     found = page.evaluate("coloursOfText()")
     assert len(found) > 10
-    assert (luminance(page.evaluate("getComputedStyle(document.body).backgroundColor")) < 0.1) == (scheme == "dark")
+    assert (light(page.evaluate("getComputedStyle(document.body).backgroundColor")) < 0.1) == (scheme == "dark")
     for ink, paper, text in found:
-        low, high = sorted((luminance(ink), luminance(paper)))
+        low, high = sorted((light(ink), light(paper)))
         assert (high + 0.05) / (low + 0.05) >= 4.5, text
 
 
@@ -428,18 +468,13 @@ def embedded(results, tmp_path):
     """A page with two frames of the page of how to, beside one file."""
     (tmp_path / "figure-3.html").write_text(page(folder=results)["figure_3"], encoding="utf-8")
     outer = tmp_path / "mine.html"
-    outer.write_text(f'<!doctype html><html lang="en"><title>mine</title><h1>Mine</h1>{HTML}{HTML}', encoding="utf-8")
+    head = '<!doctype html><html lang="en" data-ready><title>mine</title><h1>Mine</h1>'  # as a page of results says
+    outer.write_text(f"{head}{HTML}{HTML}", encoding="utf-8")
     return outer
 
 
-def test_figure_is_drawn_in_a_sandboxed_frame_without_requests(browser, embedded):
-    context = browser.new_context(viewport={"width": 1280, "height": 2400})
-    shown = context.new_page()
-    requests, errors = [], []
-    shown.on("request", lambda request: requests.append(request.url))
-    shown.on("pageerror", lambda error: errors.append(str(error)))
-    shown.on("console", lambda said: said.type in {"error", "warning"} and errors.append(said.text))
-    shown.goto(embedded.as_uri())
+def test_figure_is_drawn_in_a_sandboxed_frame_without_requests(opened, embedded):
+    shown = opened(at=embedded, viewport={"width": 1280, "height": 2400})
     first, second = shown.frames[1:]
     for frame in (first, second):
         frame.wait_for_selector("html[data-ready]", state="attached")
@@ -452,8 +487,7 @@ def test_figure_is_drawn_in_a_sandboxed_frame_without_requests(browser, embedded
     first.locator("button.method").first.click()
     assert first.evaluate(visible) < before == second.evaluate(visible)
     own = {embedded.as_uri(), embedded.with_name("figure-3.html").as_uri()}
-    assert {url for url in requests if not url.startswith("data:")} == own
-    assert errors == []
+    assert {url for url in shown.heard["requests"] if not url.startswith("data:")} == own
+    assert shown.heard["errors"] == []
     with pytest.raises(Exception, match=r"cross-origin|Blocked|SecurityError"):
         first.evaluate("parent.document.title")
-    context.close()

@@ -13,7 +13,7 @@ from bokeh.document import Document
 
 import nearharmonic as nh
 from nearharmonic_paper.experiments.paper.orbits import paper_panels
-from nearharmonic_paper.report.plots import energy_error
+from nearharmonic_paper.report.plots import energy_error, perihelion
 from support.cubes import figure_cubes as made
 from support.cubes.page_reader import documents
 from support.methods.numba_potentials import springs
@@ -59,9 +59,8 @@ def test_every_drawable_error_of_cube_is_in_panel_bitwise(results, plots, figure
         evaluations = cube["evaluations"][()].reshape(layers.shape)
     lines = hovered(plot, variable, "Line")
     assert len(lines) == layers.shape[0] * len(made.METHODS)
-    for one, errors, cost in zip(
-        lines, layers.reshape(-1, made.TAU.size), evaluations.reshape(-1, made.TAU.size), strict=True
-    ):
+    runs = (values.reshape(-1, made.TAU.size) for values in (layers, evaluations))
+    for one, errors, cost in zip(lines, *runs, strict=True):
         there = np.isfinite(errors) & (errors > 0)
         data = one.data_source.data
         drawn = np.isfinite(data[variable])
@@ -141,8 +140,17 @@ def test_right_axis_of_figure_4_reads_arcseconds_per_century(plots, results):
         century = 180 * 3600 / np.pi * 36525 * 24 / cube.attrs["orbital_period"].item()
     (axis,) = plot.right
     right, left = plot.extra_y_ranges[axis.y_range_name], plot.y_range
-    assert axis.axis_label == "|perihelion advance| (arcseconds per century)"
+    assert axis.axis_label == "arcseconds per century"
     np.testing.assert_allclose([right.start / left.start, right.end / left.end], century)
+
+
+@pytest.mark.parametrize(("least", "most", "shaded"), [(1e-17, 10, [(0.1, None), (None, 1e-15)]), (1e-9, 1e-3, [])])
+def test_advances_of_figure_4_that_are_no_results_are_shaded(least, most, shaded):
+    cube = made.advances()
+    cube.perihelion_advance[...] = np.geomspace(least, most, cube.perihelion_advance.size).reshape(3, -1)
+    (panel,) = perihelion(cube)
+    bands = [vars(one) for one in panel.plot.center if one.kind == "BoxAnnotation"]
+    assert [(band.get("bottom"), band.get("top")) for band in bands] == shaded
 
 
 def test_path_of_figure_6_follows_q_in_drifts_and_p_in_kicks(plots):
@@ -155,7 +163,7 @@ def test_path_of_figure_6_follows_q_in_drifts_and_p_in_kicks(plots):
 def test_panels_of_figure_6_have_colour_bar_axis_names_and_labels(plots):
     for i, (letter, path) in enumerate(paper_panels().items(), start=1):
         plot = plots[f"figure-6-panel-{i}"]
-        names = ["q_y", "p_y"] if letter in "CD" else ["q", "p"]
+        names = ["q along y", "p along y"] if letter in "CD" else ["q", "p"]
         assert [plot.below[0].axis_label, plot.left[0].axis_label] == names
         (scale,) = [one.color_mapper for one in plot.below if type(one).__name__ == "ColorBar"]
         assert scale.low <= path.hamiltonian.values.min() < path.hamiltonian.values.max() <= scale.high

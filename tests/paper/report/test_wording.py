@@ -17,19 +17,11 @@ from nearharmonic_paper.report.shown import Places, ShownFigure, ShownTable
 @pytest.mark.parametrize(
     ("written", "shown"),
     [
-        ("0.9128804378017515", "0.9129"),
-        ("1.0250652582803407e-06", "1.025e-06"),
+        ("0.9128804378017515", "0.9129"), ("1.0250652582803407e-06", "1.025e-06"),
         ("-5.381790373413507e-06", "-5.382e-06"),
-        ("0.02", "0.02"),
-        ("20000", "20000"),
-        ("123456789", "123456789"),
-        ("0." + "3" * 76, "0." + "3" * 76),
-        ("ABAs5o6H", "ABAs5o6H"),
-        ("nan", "nan"),
-        ("", ""),
-        ("1e-76", "1e-76"),
+        *((same, same) for same in ("0.02", "20000", "123456789", "0." + "3" * 76, "ABAs5o6H", "nan", "", "1e-76")),
     ],
-)
+)  # fmt: skip
 def test_only_float_cells_are_shortened(written, shown):
     assert wording.cell(written) == shown
 

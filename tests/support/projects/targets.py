@@ -56,7 +56,7 @@ _ALONE = {f"figure-{system}_energy_error.html" for system in SYSTEMS if system n
 TARGETS = _OF_EXPERIMENTS | {one.target: figures(one.stem) for one in _DRAWN} | {
     "figures": set().union(*FIGURES.values()),
     "columns": set().union(
-        *(figures(f"{one.stem}_column") for one in _DRAWN if one.experiment == "paper" and not one.cubes)
+        *(figures(f"{one.stem}_column") for one in _DRAWN if one.experiment == "paper" and one.by_default)
     ),
     "tables": {"tables/skipped.csv"} | tables(*_PAPER.tables),
     "claims": {f"tables/claims.{suffix}" for suffix in ("csv", "md", "json")},

@@ -122,13 +122,13 @@ _PROFILE: Any = {"draw": "nearharmonic.plotting.style:draw_profile", "profile": 
 #: The figures of the gain over Ruth's method.
 _GAIN: Any = {
     "draw": "nearharmonic_paper.experiments.paper.figures:gain", "cubes": ("henon_heiles", "kepler"), "method": "ruth",
-    "caption": (
-        "Energy error of Ruth's method divided by the error of each method at the same step size per stage tau/s, "
-        "which means equal cost. At 100 the error is 100 times smaller than Ruth's. Bold curves are the methods of "
-        "Nielsen (2015) and those found here. They gain orders of magnitude on the Hénon-Heiles system, which is "
-        "nearly harmonic, and a factor on the eccentric Sun-Mercury system. Yosh s7o6 A has order six, so its gain "
-        "grows as steps shrink. Each point is two whole runs in double precision. A curve ends on the left where an "
-        "error is below 2e-15, near the rounding of a double, and on the right where Ruth's error exceeds 1 %."
+    "column": {"narrow": True}, "caption": (
+        "Energy error of Ruth's method divided by the error of each method at the same step size per stage τ/s, which "
+        "means equal cost. At 100 the error is 100 times smaller than Ruth's. Bold curves are the methods of Nielsen "
+        "(2015) and methods found here. They gain orders of magnitude on the Hénon-Heiles system, which is nearly "
+        "harmonic, and a factor on the eccentric Sun-Mercury system. Yosh s7o6 A has order six, so its gain grows as "
+        "steps shrink. Each point is two whole runs in double precision. A curve ends on the left where an error is "
+        "below 2 × 10⁻¹⁵, near the rounding of a double, and on the right where Ruth's error exceeds 1 %."
     ),
 }  # fmt: skip
 
@@ -142,9 +142,9 @@ FIGURES = {
         title="Energy error of the oscillator", cube="sho", target="fig1", **_PROFILE,
         caption=(
             "Maximum (A) and mean (B) relative energy error of the simple harmonic oscillator over every step, t in "
-            "[0, 500], against step size per stage tau/s. Each point is a whole run. Solid lines with markers: double "
+            "[0, 500], against step size per stage τ/s. Each point is a whole run. Solid lines with markers: double "
             "precision, compensated summation. H is evaluated in double-double, from the state and its compensation, "
-            "so these runs resolve errors below 1e-16. Dashed: extended precision, with states in double-double too. "
+            "so these runs resolve errors below 10⁻¹⁶. Dashed: extended precision, with states in double-double too. "
             "Filled markers: methods of Nielsen (2015), which have slope 6 here and order 4 in general. The strip "
             "above a panel marks runs that diverged or are off the scale."
         ),
@@ -154,19 +154,19 @@ FIGURES = {
         title="Error terms of the harmonic oscillator", cube="sho_terms", target="fig2",
         caption=(
             "Position error terms of one step for the simple harmonic oscillator (Nielsen 2015, Eq. 17, "
-            "dimensionless). A: kappa by order lambda, up to the highest order that a method's stages reach. Circles "
-            "around the markers: ABA composition (outer row drifts q). Lines: BAB composition of the same coefficients "
-            "(outer row kicks p). Both meet at even orders. The inset has the methods with a term above 1000. B: "
-            "orders whose term vanishes (below 1e-30 in multiprecision), as circle (ABA) and bar (BAB). The harmonic "
-            "order of the position is the last order before the first gap."
+            "dimensionless). A: κ by order λ, up to the highest order that a method's stages reach. Circles around the "
+            "markers: ABA composition (outer row drifts q). Lines: BAB composition of the same coefficients (outer row "
+            "kicks p). Both meet at even orders. The inset has the methods with a term above 1000. B: orders whose "
+            "term vanishes (below 10⁻³⁰ in multiprecision), as circle (ABA) and bar (BAB). The harmonic order of the "
+            "position is the last order before the first gap."
         ),
     ),
     "fig3_henon_heiles": Figure(
         title="Energy error of the Hénon-Heiles system", cube="henon_heiles", target="fig3", **_PROFILE,
         caption=(
             "Maximum (A) and mean (B) relative energy error of the Hénon-Heiles system at H = 1/8 over every step, t "
-            "in [0, 500], against step size per stage tau/s. Each point is a whole run in double precision with "
-            "compensated summation. H is evaluated in double-double, which resolves errors below 1e-16. At large "
+            "in [0, 500], against step size per stage τ/s. Each point is a whole run in double precision with "
+            "compensated summation. H is evaluated in double-double, which resolves errors below 10⁻¹⁶. At large "
             "steps, methods of higher harmonic order (filled markers) fall faster than order 4, as the system is close "
             "to an oscillator. The strip above a panel marks runs that diverged or are off the scale."
         ),
@@ -181,7 +181,7 @@ FIGURES = {
             "marker. Bars show the 95 % interval of the fit where it exceeds the dot. A cross is a run whose interval "
             "includes zero. The dashed line is the advance that general relativity explains, 42.98 arcseconds per "
             "century. Grey at the top, above 0.1 rad per orbit: the path is far from an ellipse, and curves no longer "
-            "follow the order of their method. Grey at the bottom, below 1e-15 rad per orbit: rounding errors of "
+            "follow the order of their method. Grey at the bottom, below 10⁻¹⁵ rad per orbit: rounding errors of "
             "doubles dominate."
         ),
     ),
@@ -189,10 +189,10 @@ FIGURES = {
         title="Energy error of the Sun-Mercury system", cube="kepler", target="fig5", **_PROFILE,
         caption=(
             "Maximum (A) and mean (B) relative energy error of the planar Sun-Mercury system over every step in ten "
-            "years (87 660 h), against step size per stage tau/s in hours. Each point is a whole run in double "
-            "precision with compensated summation. H is evaluated in double-double, which resolves errors below 1e-16. "
-            "The error is largest at perihelion passages, so the two panels rank the methods differently. The strip "
-            "above a panel marks runs that diverged or are off the scale."
+            "years (87 660 h), against step size per stage τ/s in hours. Each point is a whole run in double precision "
+            "with compensated summation. H is evaluated in double-double, which resolves errors below 10⁻¹⁶. The error "
+            "is largest at perihelion passages, so the two panels rank the methods differently. The strip above a "
+            "panel marks runs that diverged or are off the scale."
         ),
     ),
     "fig6_substeps": Figure(
@@ -200,34 +200,34 @@ FIGURES = {
         column={"across": 1}, target="fig6",
         caption=(
             "Substeps of two iterations in phase space (dimensionless) by Yosh s7o6 A (A, C) and BABs7o7H (B, D): the "
-            "harmonic oscillator from (q, p) = (0, 1) with τ = π/4 (A, B), and the Hénon-Heiles system in the plane "
-            "q_x = p_x = 0 from (0.4, 0.4) with τ = 2 (C, D). Circles and crosses are the initial and final position "
-            "of each iteration. Dots are the states after each drift-kick pair, numbered in the first iteration. Red: "
-            "the next drift goes backward. Green: the next kick. Green in red: both. Blue: neither. The thin line "
-            "follows the drifts (horizontal) and kicks (vertical). Shades and contours are the Hamiltonian H, and the "
-            "dashed contour passes through the start. Below each panel are the step size, the relative energy error "
-            "after two iterations, and the largest after any of 1000, or the iteration at which the path leaves its "
-            "energy surface. In D it stays on the surface in the plane only: see fig6_displaced."
+            "harmonic oscillator from (q, p) = (0, 1) with τ = π/4 (A, B), and the Hénon-Heiles system in the plane qₓ "
+            "= pₓ = 0 from (0.4, 0.4) with τ = 2 (C, D). Circles and crosses are the initial and final position of "
+            "each iteration. Dots are the states after each drift-kick pair, numbered in the first iteration. Red: the "
+            "next drift goes backward. Green: the next kick. Green in red: both. Blue: neither. The thin line follows "
+            "the drifts (horizontal) and kicks (vertical). Shades and contours are the Hamiltonian H, and the dashed "
+            "contour passes through the start. Below each panel are the step size, the relative energy error after two "
+            "iterations, and the largest after any of 1000, or the iteration at which the path leaves its energy "
+            "surface. In D it stays on the surface in the plane only: see fig6_displaced."
         ),
     ),
     "fig6_displaced": Figure(
         draw="nearharmonic_paper.experiments.paper.figures:fig6_displaced",
         title="Panel (D) of Figure 6 outside its plane", cube="substeps_displaced",
         caption=(
-            "Panel D of Figure 6 from starts outside its plane: BABs7o7H on the Hénon-Heiles system with tau = 2, q_y "
-            "= p_y = 0.4 and p_x = 0, for q_x = 0 and four other values of q_x, over 100 000 iterations with "
+            "Panel D of Figure 6 from starts outside its plane: BABs7o7H on the Hénon-Heiles system with τ = 2 from q "
+            "= p = 0.4 along y, p = 0 along x, and qₓ = 0 or one of four other values, over 100 000 iterations with "
             "compensated (A) and plain sums (B). A curve is the maximum relative energy error since its previous "
-            "point. In the plane q_x = 0 (black) the error stays bounded. From every other start, even q_x = 10^-12, "
-            "the path leaves its energy surface (cross, at |dH/H0| = 1). Rounding decides at which iteration: the "
-            "crosses of A and B differ, and the order of operations moves them too."
+            "point. In the plane qₓ = 0 (black) the error stays bounded. From every other start, even qₓ = 10⁻¹², the "
+            "path leaves its energy surface (cross, at |ΔH/H₀| = 1). Rounding decides at which iteration: the crosses "
+            "of A and B differ, and the order of operations moves them too."
         ),
     ),
     "{system}_energy_error": Figure(
         title="Energy error", cube="{system}", **_PROFILE,
         caption=(
-            "Maximum (A) and mean (B) relative energy error over every step of a run, against step size per stage "
-            "tau/s. Each point is a whole run. Dashed lines, if any, are in extended precision. Filled markers are the "
-            "methods of Nielsen (2015) and those found here. The strip above a panel marks runs that diverged or are "
+            "Maximum (A) and mean (B) relative energy error over every step of a run, against step size per stage τ/s. "
+            "Each point is a whole run. Dashed lines, if any, are in extended precision. Filled markers are the "
+            "methods of Nielsen (2015) and methods found here. The strip above a panel marks runs that diverged or are "
             "off the scale."
         ),
     ),

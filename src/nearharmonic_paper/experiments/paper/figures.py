@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MultipleLocator
 
 from nearharmonic.output.table import power_of_ten
-from nearharmonic.plotting import style
+from nearharmonic.plotting import column, style
 from nearharmonic.plotting.profile import PANELS, Style, problem_of
 from nearharmonic_paper.experiments.paper import orbits
 from nearharmonic_paper.experiments.paper.gain import gains
@@ -49,10 +49,8 @@ def fig2_decomposition(terms: xr.Dataset) -> Figure:
     lower.set_xlabel(r"order, $\lambda$")
     lower.xaxis.set_major_locator(MultipleLocator(1))
     handles = style.method_handles(map(str, terms["integrator"].values), labels, markersize=4)
-    handles += [
-        Line2D([], [], color="#404040", linestyle="none", label="ABA composition", **_CIRCLE),
-        Line2D([], [], color="#404040", label="BAB composition"),
-    ]
+    circles = Line2D([], [], color="#404040", linestyle="none", label="ABA composition", **_CIRCLE)
+    handles += [circles, Line2D([], [], color="#404040", label="BAB composition")]
     drawn.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.55, 0.995), ncols=4, columnspacing=1.8)
     return drawn
 
@@ -98,8 +96,6 @@ def _draw_satisfied(axes: Axes, satisfied: xr.DataArray, labels: list[str]) -> N
 
 #: Points of a method, 1.5 mm wide each; and multiple of an advance up to which its bar is within its dot on any axis.
 COLUMNS, HIDDEN = 100, 0.005
-#: Advances in rad per orbit: curves have their order below the first, and rounding hides it below the second.
-FAR, ROUNDING = 0.1, 1e-15
 
 
 @style.house_style
@@ -122,9 +118,7 @@ def fig4_perihelion(cube: xr.Dataset) -> Figure:
     _shade(axes)
     _add_century_axis(axes, orbits.arcseconds_per_century(float(cube.attrs["orbital_period"])))
     handles = style.method_handles(map(str, cube["integrator"].values), map(str, cube["label"].values))
-    handles.append(
-        Line2D([], [], color="#404040", linestyle="none", marker="x", markersize=4, label="95 % interval includes 0")
-    )
+    handles += [Line2D([], [], color="#404040", ls="none", marker="x", markersize=4, label="95 % interval includes 0")]
     drawn.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, 0.995), ncols=4, columnspacing=1.8)
     return drawn
 
@@ -142,13 +136,12 @@ def _shade(axes: Axes) -> None:
     """Shade advances of paths far from an ellipse, and advances of the size of rounding errors."""
     low, high = axes.get_ylim()
     among: dict[str, Any] = {"xycoords": axes.get_yaxis_transform(), "color": "#595959"}
-    for says, start, end, place, ha in (
-        ("far from an ellipse", FAR, high, (0.988, FAR), "right"),
-        ("rounding errors", low, ROUNDING, (0.012, low), "left"),
-    ):
+    for says, *ends in orbits.NO_ORDER:
+        start, end = np.clip(ends, low, high)
         if start < end:
+            x, ha = (0.988, "right") if start > low else (0.012, "left")
             axes.axhspan(start, end, color="#ececec", zorder=0)
-            style.write_beside(axes, says, place, (0, 4), ha=ha, **among)
+            style.write_beside(axes, says, (x, start), (0, 4), ha=ha, **among)
     axes.set_ylim(low, high)
 
 
@@ -192,10 +185,8 @@ def fig6_displaced(cube: xr.Dataset) -> Figure:
         for q_x, colour, width in zip(cube["displacement"].values.tolist(), _COLOURS, _WIDTHS, strict=False)
     ]
     handles.append(Line2D([], [], color="#404040", linestyle="none", label="leaves its energy surface", **_LEFT))
-    drawn.legend(
-        handles=handles, title="$q_x$ at the start", loc="upper center", bbox_to_anchor=(0.54, 0.998), ncols=6,
-        columnspacing=1.8,
-    )  # fmt: skip
+    place = style.LEGEND | {"bbox_to_anchor": (0.54, 0.998), "ncols": 6}
+    drawn.legend(handles=handles, title="$q_x$ at the start", **place)
     return drawn
 
 
@@ -221,12 +212,15 @@ def _draw(axes: Axes, runs: xr.Dataset, limit: float) -> None:
 
 
 @style.house_style
-def gain(*cubes: xr.Dataset, variable: str = "max_energy_error") -> Figure:
-    """Draw :func:`~nearharmonic_paper.experiments.paper.gain.gains` of each cube; panels share the vertical axis."""
-    drawn = style.new_figure(7, 3.6)
-    drawn.subplots_adjust(left=0.085, right=0.99, top=0.855, bottom=0.125, wspace=0.04)
-    drawn.suptitle(f"{PANELS[variable].capitalize()} energy error at equal cost: bold methods against Ruth's", y=0.985)
-    panels = drawn.subplots(1, len(cubes), sharey=True, squeeze=False)[0]
+def gain(*cubes: xr.Dataset, variable: str = "max_energy_error", narrow: bool = False) -> Figure:
+    """Draw the gain in each cube, in panels side by side or, in a figure of the width of a column, in a column."""
+    rows, across = (len(cubes), 1) if narrow else (1, len(cubes))
+    drawn = style.new_figure(7, 3.6 * rows)
+    above = (0.205 if narrow else 0.145) / rows  # the title has two lines in a column
+    drawn.subplots_adjust(left=0.085, right=0.99, top=1 - above, bottom=0.125 / rows, wspace=0.04, hspace=0.25)
+    title = f"{PANELS[variable].capitalize()} energy error at equal cost:", "bold methods against Ruth's"
+    drawn.suptitle(("\n" if narrow else " ").join(title), y=0.985)
+    panels = drawn.subplots(rows, across, sharey=True, squeeze=False).ravel()
     curves = [_draw_gains(axes, gains(cube, variable)) for axes, cube in zip(panels, cubes, strict=True)]
     style.log_scale(max(panels, key=lambda axes: isfinite(axes.dataLim.minposy)), "y")
     for number, (axes, cube) in enumerate(zip(panels, cubes, strict=True)):
@@ -234,18 +228,22 @@ def gain(*cubes: xr.Dataset, variable: str = "max_energy_error") -> Figure:
         if not style.say_if_empty(axes, [curve.get_ydata() for curve in curves[number]]):
             low, high = axes.dataLim.intervalx
             axes.set_xlim(low / (high / low) ** 0.3, high * 1.15)  # labels need room on the left
-            style.label_ends(axes, curves[number], left=True)
         bold = [np.asarray(curve.get_ydata(), dtype=float) for curve in curves[number] if curve.get_zorder() > 2]
         best = float(f"{np.fmax.reduce(np.ravel(bold), initial=nan):.1g}")
         says = f": up to {best:,.6g} times smaller".replace(",", " ") if isfinite(best) else ""
         style.panel_letter(axes, number, str(cube.attrs.get("system_label", "")).removesuffix(" system") + says)
         axes.set_xlabel(style.step_label(str(cube["tau_per_stage"].attrs.get("units", "1"))))
-    panels[0].set_ylabel("Ruth's error / error of the method")
+    for axes in panels[::across]:
+        axes.set_ylabel("Ruth's error / error of the method")
+    if narrow:
+        column.narrow(drawn)
+    for axes, named in zip(panels, curves, strict=True):
+        style.label_ends(axes, named, left=True, size=column.SMALLEST if narrow else 7.5)
     return drawn
 
 
 def _draw_gains(axes: Axes, found: xr.DataArray) -> list[Line2D]:
-    """Draw a curve for each method, bold for those with filled markers."""
+    """Draw a curve for each method, bold for methods with filled markers."""
     curves = []
     for curve in found:
         own = style.style_of(str(curve["integrator"].values))

@@ -298,6 +298,8 @@ def displaced(integrator: str, iterations: int) -> dict[str, Contents]:
 SATISFIED_BELOW = 1e-30
 #: Arcseconds per century, from general relativity: Nobili & Will (1986), doi:10.1038/320039a0.
 MERCURY_RELATIVISTIC_ADVANCE = 42.98
+#: Ranges of advances in rad per orbit in which curves do not have their order.
+NO_ORDER = (("far from an ellipse", 0.1, math.inf), ("rounding errors", 0.0, 1e-15))
 
 
 def statement(panel: xr.Dataset) -> list[str]:

@@ -12,10 +12,10 @@ DRAWN = {
         "Linear stability",
         "linear_stability",
         (
-            "Half the trace of the step matrix of the harmonic oscillator, a polynomial in tau known exactly, against "
-            "step size per stage tau/s. The thin line is cos(tau), the half trace of the exact flow. A method is "
+            "Half the trace of the step matrix of the harmonic oscillator, a polynomial in τ known exactly, against "
+            "step size per stage τ/s. The thin line is cos(τ), the half trace of the exact flow. A method is "
             "stable while its curve stays between -1 and 1. Red marks the gaps where it does not, and ticks at the top "
-            "mark gaps too narrow to be seen. Each panel states the first edge tau* and the largest growth per step in "
+            "mark gaps too narrow to be seen. Each panel states the first edge τ* and the largest growth per step in "
             "the first gap. Past the last edge every method is unstable."
         ),
     ),
@@ -38,7 +38,7 @@ DRAWN = {
             "Kepler orbits of eccentricity e from the apoapsis, one map per method, against force evaluations per "
             "orbit; lighter is better. A: maximum energy error. B: spurious advance of the perihelion in radians per "
             "orbit. Grey: orbit lost, because the energy error reached the energy itself or the perihelion turned by "
-            "more than a quarter turn in an orbit. White line: energy error 1e-6. C: the white lines of all methods. "
+            "more than a quarter turn in an orbit. White line: energy error 10⁻⁶. C: the white lines of all methods. "
             "The eccentricity is spaced by the logarithm of the perihelion distance, 1 - e."
         ),
     ),
@@ -50,17 +50,17 @@ DRAWN = {
             "energy. B: lag along the track, as mean anomaly. Solid: plain summation. Dashed: compensated. "
             "Dash-dotted: extended precision. Dotted: the lag, proportional to time, that coefficients rounded to "
             "double cause in exact arithmetic; no summation removes it. Grey: Brouwer's law for independent errors, "
-            "t^1/2 and t^3/2. C, D: fitted exponents, with 95 % intervals by the jackknife over orbits."
+            "√t and t√t. C, D: fitted exponents, with 95 % intervals by the jackknife over orbits."
         ),
     ),
     "kinetic_energy": (
         "Kinetic energy that is not quadratic",
         "kinetic_energy",
         (
-            "Relativistic oscillator, H = sqrt(1 + p^2) - 1 + q^2/2, t in [0, 500], from q = A at rest. A, B: maximum "
+            "Relativistic oscillator, H = √(1 + p²) - 1 + q²/2, t in [0, 500], from q = A at rest. A, B: maximum "
             "energy error against step size per stage, at a small and at a relativistic amplitude. C: the error at "
-            "tau/s = 0.05 relative to Ruth's method, against amplitude. The lead of the harmonic methods shrinks as T "
-            "departs from p^2/2. D: C with the roles of T and V exchanged, which moves the departure into V and leaves "
+            "τ/s = 0.05 relative to Ruth's method, against amplitude. The lead of the harmonic methods shrinks as T "
+            "departs from p²/2. D: C with the roles of T and V exchanged, which moves the departure into V and leaves "
             "T quadratic. A lead that C loses and D keeps depends on the shape of T alone. Filled markers: Nielsen "
             "(2015)."
         ),

@@ -4,7 +4,7 @@
   const section = document.getElementById("alive");
   const methods = Object.fromEntries(JSON.parse(document.getElementById("methods").textContent).map((one) => [one.name, one]));
   const square = (x) => x * x;
-  // State: positions q and momenta p; the drawn coordinate is the last one. Starts and steps are those of the paper.
+  // State: positions q and momenta p; the drawn coordinate is the last one. Starts and steps are the paper's.
   const systems = {
     sho: {
       start: [0, 1], window: [-1.4, 1.4, -1.4, 1.4], tau: 0.785, ticks: [-1, 0, 1], axis: "",

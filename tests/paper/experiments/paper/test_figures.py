@@ -11,47 +11,48 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.lines import Line2D
+from matplotlib.text import Text
 
 import nearharmonic as nh
+from nearharmonic.plotting.column import narrow
 from nearharmonic.plotting.style import draw_profile
-from nearharmonic_paper.experiments.paper import figures as fig2_decomposition
-from nearharmonic_paper.experiments.paper import figures as fig4_perihelion
-from nearharmonic_paper.experiments.paper import figures as fig6_displaced
-from nearharmonic_paper.experiments.paper import figures as fig6_substeps
+from nearharmonic_paper.experiments.paper import figures
 from nearharmonic_paper.experiments.paper import tableaus as decompose
-from nearharmonic_paper.experiments.paper.figures import gain
 from nearharmonic_paper.experiments.paper.orbits import paper_panels
+from support.cubes import figure_cubes as made
 from support.cubes.artists import NO_LINE, SOLID, drawn, entries, line_of, lines_of, look, look_of, seen, slope, ticks
-from support.cubes.figure_cubes import (
-    GAPS,
-    LONELY,
-    METHODS,
-    TAU,
-    TOY_DRIFT,
-    TOY_KICK,
-    advances,
-    displaced,
-    errors,
-    label,
-    terms,
-    toy_panels,
-)
 
 # --- The gain over Ruth's method.
 
 
 @pytest.mark.parametrize("variable", ["max_energy_error", "mean_energy_error"])
 def test_gain_is_ratio_of_errors_until_ruths_reaches_one_percent(variable):
-    cube = errors() * 0.1
-    cube[variable].loc[{"integrator": "ruth", "tau_per_stage": TAU[20]}] = 0.0101
-    axes, other = gain(cube, cube, variable=variable).axes
+    cube = made.errors() * 0.1
+    cube[variable].loc[{"integrator": "ruth", "tau_per_stage": made.TAU[20]}] = 0.0101
+    axes, other = figures.gain(cube, cube, variable=variable).axes
     assert axes.get_ylim() == other.get_ylim()
-    for name in METHODS:
-        curve = dict(zip(TAU, line_named(axes, label(name)).get_ydata(), strict=True))
-        for tau in TAU[[2, 9, 19]]:
+    for name in made.METHODS:
+        curve = dict(zip(made.TAU, line_named(axes, made.label(name)).get_ydata(), strict=True))
+        for tau in made.TAU[[2, 9, 19]]:
             at = cube[variable].sel(tau_per_stage=tau)
             assert curve[tau] == pytest.approx(float(at.sel(integrator="ruth") / at.sel(integrator=name)), rel=1e-14)
-        assert np.isnan([curve[tau] for tau in TAU[[*GAPS, *range(20, TAU.size)]]]).all()
+        assert np.isnan([curve[tau] for tau in made.TAU[[*made.GAPS, *range(20, made.TAU.size)]]]).all()
+
+
+def test_gain_in_column_has_legible_labels_apart_and_inside():
+    figure = figures.gain(made.crowded(), made.crowded(), narrow=True)
+    narrow(figure)  # as the job does; the labels have their places for this width already
+    figure.draw_without_rendering()
+    assert figure.get_figwidth() * 25.4 == pytest.approx(85)
+    texts = [text for text in figure.findobj(Text) if text.get_text() and text.get_visible()]
+    assert min(text.get_fontsize() for text in texts) >= 6
+    groups = [(figure, [figure._suptitle.get_window_extent(), *(axes.get_tightbbox() for axes in figure.axes)])]
+    for axes in figure.axes:
+        assert {text.get_text() for text in axes.texts} == {*made.crowded().label.values}
+        groups.append((axes, [text.get_window_extent() for text in axes.texts]))
+    for outer, boxes in groups:
+        assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
+        assert all(outer.bbox.contains(*corner) for box in boxes for corner in box.corners())
 
 
 def line_named(axes, text):
@@ -61,12 +62,11 @@ def line_named(axes, text):
 
 # --- Figures 1, 3 and 5: the curves are the cube's, in the panel, look and legend entry of their method.
 
-
 DASHED = (4, 5)
 
 
 def test_the_upper_panel_shows_maxima_and_the_lower_one_means():
-    cube = errors()
+    cube = made.errors()
     upper, lower = draw_profile(cube).axes
     for axes, variable, letter, title, ylabel in (
         (upper, "max_energy_error", "A", "maximum over all steps", r"$\max\,|\Delta H/H_0|$"),
@@ -75,44 +75,44 @@ def test_the_upper_panel_shows_maxima_and_the_lower_one_means():
         assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
         assert (axes.get_title(), axes.get_title(loc="left")) == (letter, title)
         assert axes.get_ylabel() == ylabel
-        for name in METHODS:
-            assert look(line_of(axes, TAU, cube[variable].sel(integrator=name))) == look_of(name)
-        assert len(axes.get_lines()) == len(METHODS) + 2  # and two guides
+        for name in made.METHODS:
+            assert look(line_of(axes, made.TAU, cube[variable].sel(integrator=name))) == look_of(name)
+        assert len(axes.get_lines()) == len(made.METHODS) + 2  # and two guides
     # The upper panel is the upper one on paper.
     assert upper.get_position().y0 > lower.get_position().y1
 
 
 def test_double_precision_is_solid_and_extended_precision_dashed():
-    cube = errors(precision=True)
+    cube = made.errors(precision=True)
     for axes, variable in zip(draw_profile(cube).axes, ("max_energy_error", "mean_energy_error"), strict=True):
-        for name in METHODS:
+        for name in made.METHODS:
             solid, dashed = (
-                line_of(axes, TAU, cube[variable].sel(integrator=name, precision=precision))
+                line_of(axes, made.TAU, cube[variable].sel(integrator=name, precision=precision))
                 for precision in ("double", "extended")
             )
             assert look(solid) == look_of(name)
             assert look(dashed) == (look_of(name)[0], None, None, DASHED)
             assert dashed.get_zorder() < solid.get_zorder()
-        assert len(axes.get_lines()) == 2 * len(METHODS) + 2
+        assert len(axes.get_lines()) == 2 * len(made.METHODS) + 2
 
 
 def test_every_run_is_seen_in_its_panel_or_above_it():
-    cube = errors(precision=True, gaps=LONELY)
+    cube = made.errors(precision=True, gaps=made.LONELY)
     for axes, variable in zip(draw_profile(cube).axes, ("max_energy_error", "mean_energy_error"), strict=True):
         runs = cube[variable].stack(run=("precision", "integrator")).transpose("run", ...)
         for values in runs.values:
-            np.testing.assert_array_equal(seen(line_of(axes, TAU, values)), np.isfinite(values) & (values > 0))
+            np.testing.assert_array_equal(seen(line_of(axes, made.TAU, values)), np.isfinite(values) & (values > 0))
         (strip,) = axes.child_axes
         rows = [(to_hex(line.get_color()), line.get_xdata().tolist()) for line in strip.lines]
-        assert rows == [(look_of(one)[0], TAU[runs[0] > 10].tolist()) for one in runs.integrator.values]
+        assert rows == [(look_of(one)[0], made.TAU[runs[0] > 10].tolist()) for one in runs.integrator.values]
         assert (strip.get_ylabel(), strip.get_xlim()) == ("diverged,\nor > 10", axes.get_xlim())
-    assert not draw_profile(errors(gaps={0: np.nan})).axes[0].child_axes
+    assert not draw_profile(made.errors(gaps={0: np.nan})).axes[0].child_axes
 
 
 def test_dashes_of_one_curve_are_seen_for_each_method():
-    cube = errors(["aba104", "abas5o6h", "aba864"], precision=True)
+    cube = made.errors(["aba104", "abas5o6h", "aba864"], precision=True)
     for values in (cube.max_energy_error, cube.mean_energy_error):
-        values[0], values[1] = np.nan, TAU**4
+        values[0], values[1] = np.nan, made.TAU**4
     figure = draw_profile(cube)
     figure.draw_without_rendering()
     x, y = (slice(*map(int, ends)) for ends in figure.axes[0].bbox.get_points().T)
@@ -123,7 +123,7 @@ def test_dashes_of_one_curve_are_seen_for_each_method():
 
 
 def test_guides_have_the_slopes_that_they_say():
-    for axes in draw_profile(errors()).axes:
+    for axes in draw_profile(made.errors()).axes:
         said = {}
         for note in axes.texts:
             (guide,) = [line for line in axes.get_lines() if tuple(np.transpose(line.get_data())[-1]) == note.xy]
@@ -133,7 +133,7 @@ def test_guides_have_the_slopes_that_they_say():
 
 
 def test_both_panels_share_limits_that_hold_every_finite_point():
-    cube = errors(precision=True)
+    cube = made.errors(precision=True)
     upper, lower = draw_profile(cube).axes
     assert upper.get_ylim() == lower.get_ylim()
     both = np.concatenate([cube.max_energy_error.values.ravel(), cube.mean_energy_error.values.ravel()])
@@ -144,22 +144,19 @@ def test_both_panels_share_limits_that_hold_every_finite_point():
 
 
 def test_an_error_of_many_energies_does_not_stretch_the_axis():
-    cube = errors()
+    cube = made.errors()
     cube["max_energy_error"][1, -2] = 1e6
     assert draw_profile(cube).axes[0].get_ylim()[1] == 10
 
 
 # --- Figure 2: kappa of both compositions, vanishing orders, and the legend.
 
-
 #: Orders that vanish in the cube, by the row that is outermost.
 VANISH = {"drift": [1, 2, 4], "kick": [1, 2, 3, 6]}
 ORDERS = np.arange(1, 10)
 
 
-@pytest.fixture
-def cube():
-    return terms()
+cube = pytest.fixture(made.terms)
 
 
 def remaining(cube, name, first):
@@ -168,29 +165,29 @@ def remaining(cube, name, first):
 
 
 def test_kick_first_error_terms_are_lines_in_method_colour(cube):
-    upper, _ = fig2_decomposition.fig2_decomposition(cube).axes
+    upper, _ = figures.fig2_decomposition(cube).axes
     assert (upper.get_yscale(), upper.get_ylabel()) == ("log", r"error term of the position, $\kappa_\lambda$")
-    for name in METHODS:
+    for name in made.METHODS:
         curve = line_of(upper, ORDERS, remaining(cube, name, "kick"))
         assert look(curve) == (look_of(name)[0], None, None, SOLID)
         np.testing.assert_array_equal(ORDERS[drawn(curve)], [4, 5, 7, 8])
 
 
 def test_drift_first_error_terms_are_circles_around_markers(cube):
-    upper, _ = fig2_decomposition.fig2_decomposition(cube).axes
-    for name in METHODS:
+    upper, _ = figures.fig2_decomposition(cube).axes
+    for name in made.METHODS:
         circle, inside = lines_of(upper, ORDERS, remaining(cube, name, "drift"))
         assert look(circle) == (look_of(name)[0], "o", "none", NO_LINE)
         assert look(inside) == look_of(name, NO_LINE)
         assert circle.get_markersize() > inside.get_markersize()
         np.testing.assert_array_equal(ORDERS[drawn(circle)], [3, 5, 6, 7, 8, 9])
-    assert len(upper.get_lines()) == 3 * len(METHODS)
+    assert len(upper.get_lines()) == 3 * len(made.METHODS)
 
 
 def test_methods_of_large_terms_have_an_inset(cube):
     name = str(cube.integrator.values[0])
     cube.kappa.loc[name, "kick", 9] = 1e9
-    upper, _ = fig2_decomposition.fig2_decomposition(cube).axes
+    upper, _ = figures.fig2_decomposition(cube).axes
     (inset,) = upper.child_axes
     assert inset.get_title() == cube.label.values[0]
     colours = [{line.get_color() for line in axes.lines} for axes in (inset, upper)]
@@ -198,23 +195,23 @@ def test_methods_of_large_terms_have_an_inset(cube):
 
 
 def test_vanishing_terms_are_bars_for_kick_circles_for_drift_first(cube):
-    _, lower = fig2_decomposition.fig2_decomposition(cube).axes
-    for row, name in enumerate(METHODS):
+    _, lower = figures.fig2_decomposition(cube).axes
+    for row, name in enumerate(made.METHODS):
         bars = line_of(lower, VANISH["kick"], row)
         assert (look(bars)[0], look(bars)[1], look(bars)[3]) == (look_of(name)[0], "_", NO_LINE)
         circle, inside = lines_of(lower, VANISH["drift"], row)
         assert look(circle) == (look_of(name)[0], "o", "none", NO_LINE)
         assert look(inside) == look_of(name, NO_LINE)
-    assert len(lower.get_lines()) == 3 * len(METHODS)
+    assert len(lower.get_lines()) == 3 * len(made.METHODS)
 
 
 def test_rows_are_named_downwards_in_order_of_methods(cube):
-    _, lower = fig2_decomposition.fig2_decomposition(cube).axes
-    assert ticks(lower.yaxis) == {label(name): row for row, name in enumerate(METHODS)}
-    heights = [lower.transData.transform((1, row))[1] for row in range(len(METHODS))]
+    _, lower = figures.fig2_decomposition(cube).axes
+    assert ticks(lower.yaxis) == {made.label(name): row for row, name in enumerate(made.METHODS)}
+    heights = [lower.transData.transform((1, row))[1] for row in range(len(made.METHODS))]
     assert heights == sorted(heights, reverse=True)
     bottom, top = lower.get_ylim()
-    assert top < 0 < len(METHODS) - 1 < bottom
+    assert top < 0 < len(made.METHODS) - 1 < bottom
 
 
 def test_rounded_coefficients_of_twenty_digits_keep_the_vanishing_terms(monkeypatch):
@@ -234,15 +231,12 @@ def test_rounded_coefficients_of_twenty_digits_keep_the_vanishing_terms(monkeypa
 
 # --- Figure 4: advances with their intervals, significance, and the axis in arcseconds per century.
 
-
 #: Indices of the step sizes whose advance the cube tells from zero, and of those it does not.
 TOLD = [0, 1, 2, *range(6, 12)]
 NOT_TOLD = list(range(12, 25))
 
 
-@pytest.fixture
-def advance_cube():
-    return advances()
+advance_cube = pytest.fixture(made.advances)
 
 
 def at(values, indices):
@@ -257,31 +251,23 @@ def curves(advance_cube, name):
     return one.evaluations_per_orbit.values, at(size, TOLD), at(size, NOT_TOLD)
 
 
-def test_advance_beyond_its_interval_is_dot_and_some_have_markers(advance_cube):
-    axes = fig4_perihelion.fig4_perihelion(advance_cube).axes[0]
-    for name in METHODS:
-        x, told, _ = curves(advance_cube, name)
+def test_advance_is_dot_beyond_its_interval_and_cross_within_it_or_at_its_end(advance_cube):
+    axes = figures.fig4_perihelion(advance_cube).axes[0]
+    for name in made.METHODS:
+        x, told, not_told = curves(advance_cube, name)
         dots, marks = lines_of(axes, x, told)
         colour = look_of(name)[0]
         assert look(dots) == (colour, ".", colour, SOLID)
         assert look(marks) == look_of(name, NO_LINE)
-        assert np.flatnonzero(drawn(dots)).tolist() == TOLD
-
-
-def test_advance_within_its_interval_or_equal_to_it_is_cross(advance_cube):
-    axes = fig4_perihelion.fig4_perihelion(advance_cube).axes[0]
-    for name in METHODS:
-        x, _, not_told = curves(advance_cube, name)
         crosses = line_of(axes, x, not_told)
-        colour, marker, _, line = look(crosses)
-        assert (colour, marker, line) == (look_of(name)[0], "x", NO_LINE)
-        assert np.flatnonzero(drawn(crosses)).tolist() == NOT_TOLD
+        assert [look(crosses)[i] for i in (0, 1, 3)] == [colour, "x", NO_LINE]
+        assert [np.flatnonzero(drawn(line)).tolist() for line in (dots, crosses)] == [TOLD, NOT_TOLD]
 
 
 def test_error_bars_are_intervals_of_nonzero_advances(advance_cube):
-    axes = fig4_perihelion.fig4_perihelion(advance_cube).axes[0]
-    assert len(axes.containers) == len(METHODS)
-    for name, container in zip(METHODS, axes.containers, strict=True):
+    axes = figures.fig4_perihelion(advance_cube).axes[0]
+    assert len(axes.containers) == len(made.METHODS)
+    for name, container in zip(made.METHODS, axes.containers, strict=True):
         one = advance_cube.sel(integrator=name)
         _, _, (bars,) = container
         segments = [s for s in bars.get_segments() if len(s) and np.isfinite(s).all()]
@@ -296,12 +282,12 @@ def test_error_bars_are_intervals_of_nonzero_advances(advance_cube):
 
 def test_bars_that_their_dots_would_hide_are_left_out(advance_cube):
     short = advance_cube.assign(perihelion_advance_interval=4e-3 * abs(advance_cube.perihelion_advance))
-    for _, _, (bars,) in fig4_perihelion.fig4_perihelion(short).axes[0].containers:
+    for _, _, (bars,) in figures.fig4_perihelion(short).axes[0].containers:
         assert bars.get_segments() == []
 
 
 def test_the_second_axis_reads_arcseconds_per_century(advance_cube):
-    axes = fig4_perihelion.fig4_perihelion(advance_cube).axes[0]
+    axes = figures.fig4_perihelion(advance_cube).axes[0]
     (century,) = axes.child_axes
     axes.set_ylim(1e-7, 1e-6)
     axes.figure.draw_without_rendering()
@@ -319,7 +305,7 @@ def relativistic_line(figure):
 
 
 def test_relativistic_line_is_labelled_at_42_98_arcseconds_per_century(advance_cube):
-    figure = fig4_perihelion.fig4_perihelion(advance_cube)
+    figure = figures.fig4_perihelion(advance_cube)
     _, level = relativistic_line(figure)
     assert level * 206264.806247096355 * 876600 / 2000 == pytest.approx(42.98, rel=1e-12)
     (note,) = [text for text in figure.axes[0].texts if "relativity" in text.get_text()]
@@ -328,10 +314,9 @@ def test_relativistic_line_is_labelled_at_42_98_arcseconds_per_century(advance_c
 
 
 def test_advances_that_are_no_results_are_shaded(advance_cube):
-    advance_cube.perihelion_advance[...] = np.geomspace(1e-17, 10, advance_cube.perihelion_advance.size).reshape(
-        advance_cube.perihelion_advance.shape
-    )
-    axes = fig4_perihelion.fig4_perihelion(advance_cube).axes[0]
+    size = advance_cube.perihelion_advance.size
+    advance_cube.perihelion_advance[...] = np.geomspace(1e-17, 10, size).reshape(len(made.METHODS), -1)
+    axes = figures.fig4_perihelion(advance_cube).axes[0]
     low, high = axes.get_ylim()
     spans = [patch.get_window_extent().transformed(axes.transData.inverted()).intervaly for patch in axes.patches]
     np.testing.assert_allclose(spans, [[0.1, high], [low, 1e-15]], rtol=1e-9)
@@ -341,21 +326,19 @@ def test_the_relativistic_line_of_mercury_is_what_general_relativity_gives(advan
     # 6 pi GM / (c^2 a (1 - e^2)) rad per orbit; GM in m^3/s^2, a in m. The line rests on 42.98: 4 digits.
     c, GM, a, e = 299792458.0, 1.32712440018e20, 5.790905e10, 0.20563
     advance_cube.attrs["orbital_period"] = 2 * np.pi * np.sqrt(a**3 / GM) / 3600
-    _, level = relativistic_line(fig4_perihelion.fig4_perihelion(advance_cube))
+    _, level = relativistic_line(figures.fig4_perihelion(advance_cube))
     assert level == pytest.approx(6 * np.pi * GM / (c**2 * a * (1 - e**2)), rel=5e-4)
 
 
 # --- The figure of panel D outside its plane: curves, crosses at divergence, and legend.
 
 
-@pytest.fixture
-def displaced_cube():
-    return displaced()
+displaced_cube = pytest.fixture(made.displaced)
 
 
 @pytest.fixture
 def figure(displaced_cube):
-    return fig6_displaced.fig6_displaced(displaced_cube)
+    return figures.fig6_displaced(displaced_cube)
 
 
 def curve(displaced_cube, summation, run):
@@ -381,7 +364,6 @@ def test_a_curve_ends_at_the_limit_where_the_path_leaves(displaced_cube, figure,
 
 # --- Figure 6: dots coloured by the next signs, the path between them, and the text of each panel.
 
-
 #: Text of the legend, by whether the drift and the kick of the pair that follows are negative.
 SAYS = {
     (False, False): "next drift and kick forward",
@@ -391,14 +373,12 @@ SAYS = {
 }
 
 
-@pytest.fixture(scope="module")
-def panels():
-    return toy_panels()
+panels = pytest.fixture(made.toy_panels, scope="module")
 
 
 @pytest.fixture(scope="module")
 def panels_figure(panels):
-    return fig6_substeps.fig6_substeps(panels)
+    return figures.fig6_substeps(panels)
 
 
 def grid(panels_figure):
@@ -430,13 +410,12 @@ def compare(drawn, expected):
 
 @pytest.mark.parametrize("first", ["drift", "kick"])
 def test_dots_carry_the_signs_of_the_pair_that_follows(panels_figure, panels, first):
-    rows = {"drift": (TOY_KICK, TOY_DRIFT), "kick": (TOY_DRIFT, TOY_KICK)}[first]
+    rows = {"drift": (made.TOY_KICK, made.TOY_DRIFT), "kick": (made.TOY_DRIFT, made.TOY_KICK)}[first]
     pairs = list(zip_longest(*(map(float, row) for row in rows), fillvalue=0.0))
     index = {"drift": 0, "kick": 1}[first]
     panel = list(panels.values())[index]
-    path = [
-        list(zip(*rows, strict=True)) for rows in zip(panel.q.values.tolist(), panel.p.values.tolist(), strict=True)
-    ]
+    states = zip(panel.q.values.tolist(), panel.p.values.tolist(), strict=True)
+    path = [list(zip(*rows, strict=True)) for rows in states]
     expected = []
     for points in path:
         for (c, d), (q, p) in zip(pairs[1:], points[1:-1], strict=True):
@@ -452,7 +431,7 @@ def test_dots_carry_the_signs_of_the_pair_that_follows(panels_figure, panels, fi
 @pytest.fixture(scope="module")
 def paper():
     panels = paper_panels()
-    return panels, fig6_substeps.fig6_substeps(panels)
+    return panels, figures.fig6_substeps(panels)
 
 
 def test_path_follows_q_in_drifts_and_p_in_kicks(panels_figure, panels):
@@ -474,9 +453,8 @@ def test_each_panel_states_step_and_energy_errors_below_its_frame(panels_figure,
     for axes, panel in zip(grid(panels_figure), panels.values(), strict=True):
         q, p = (panel[name].values[-1, -1] for name in "qp")
         says = axes.texts[-1].get_text()
-        error, largest = re.fullmatch(
-            r"τ = 0\.3, \|ΔH/H₀\| = (.+) after 2 iterations,\nat most (.+) in 1000 iterations", says
-        ).groups()
+        form = r"τ = 0\.3, \|ΔH/H₀\| = (.+) after 2 iterations,\nat most (.+) in 1000 iterations"
+        error, largest = re.fullmatch(form, says).groups()
         assert number(error) == pytest.approx(abs((q * q + p * p) / 2 - 0.5) / 0.5, rel=0.05)
         assert number(largest) == pytest.approx(panel.max_energy_error.item(), rel=0.05)
         assert axes.texts[-1].get_window_extent().y1 < axes.bbox.y0
