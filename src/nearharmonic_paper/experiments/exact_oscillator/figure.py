@@ -104,7 +104,7 @@ def exact_oscillator_charge(cube: xr.Dataset) -> Figure:
             axes.plot(one["charge"].values, amplitude, **look.line(linestyle=DASHES))
         log_scale(axes, "y")
         axes.set_xlim(float(one["charge"].values[0]) - 0.04, float(one["charge"].values[-1]) + 0.04)
-        axes.set_xlabel("cost of an evaluation, exact oscillator over T + V")
+        axes.set_xlabel("cost of an evaluation over T + V")
         panel_letter(axes, i, _title(cube, tau))
     grid[0].set_ylabel(r"amplitude of crossing, $\sqrt{2H}$")
     crossing = cube["best_crossing"].values
