@@ -109,13 +109,13 @@ def test_job_reads_results_that_its_rule_names_and_no_other(planned, makers, fol
 
 @pytest.mark.slow
 def test_edit_of_what_page_is_made_of_makes_it_again(finished):
-    """Template, style and script, the files of the package that jobs read and that are no Python."""
+    """Template, style and script, the files of the package that jobs read; fonts count as part of matplotlib."""
     sources_of_project = "src/"
     read = {
         (log, name)
         for log, files in read_by_jobs(finished.folder).items()
         for name in files
-        if name.startswith(sources_of_project) and not name.endswith((".py", ".pyc"))
+        if name.startswith(sources_of_project) and not name.endswith((".py", ".pyc", ".ttf"))
     }
     places = [
         f"{sources_of_project}{place.relative_to(sources.ROOT)}" for place in map(assets.FOLDER.joinpath, assets.NAMES)
