@@ -11,7 +11,7 @@ from pathlib import Path
 from nearharmonic.numerics.clock import Patience, interleaved, pinned
 from nearharmonic.output.atomic import write_bytes, write_text
 from nearharmonic.output.table import filled_page
-from nearharmonic_paper.pages.filling import drawn
+from nearharmonic_paper.report.shown import drawn
 
 #: Where the pages are.
 ROOT = Path(__file__).parents[1]

@@ -7,16 +7,10 @@ from contextlib import suppress
 from functools import wraps
 from math import isfinite, log10
 from pathlib import Path
-from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from nearharmonic.integrators import integrators as registered
 from nearharmonic.output.table import Cell, filled_page, from_csv, pipes, power_of_ten
-from nearharmonic.plotting.style import save
-from nearharmonic_paper.report.shown import on_page
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 #: A row of a table of the results, by column.
 Row = dict[str, Any]
@@ -36,12 +30,6 @@ def fills(made: Callable[..., dict[str, Any]]) -> Callable[..., dict[str, Any]]:
         return {"page": filled_page(page, parts)} | {name: found[name] for name in found.keys() - parts.keys()}
 
     return task
-
-
-def drawn(figure: Figure) -> bytes:
-    """A figure as the SVG file of a page."""
-    with TemporaryDirectory() as folder:
-        return on_page(str(*save(figure, [f"{folder}/figure.svg"])))["picture"]
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[Cell]], left: int = 1) -> str:

@@ -27,8 +27,8 @@ from nearharmonic.plotting.style import house_style, log_scale, method_handles, 
 from nearharmonic.systems import systems as known
 from nearharmonic.theory.order import harmonic_order, order_of
 from nearharmonic.theory.oscillator import stability_limit
-from nearharmonic_paper.pages.filling import drawn, fills, table
-from nearharmonic_paper.report.shown import on_page
+from nearharmonic_paper.pages.filling import fills, table
+from nearharmonic_paper.report.shown import drawn, on_page
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -13,6 +13,7 @@ from functools import cache, cached_property
 from io import BytesIO
 from math import inf
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from nearharmonic.errors import NearharmonicError
@@ -137,6 +138,14 @@ def on_page(figure: str) -> dict[str, bytes]:
     """Return the SVG file ``figure`` as ``picture``: in the dark, clear, with its lightness turned over."""
     svg = Path(figure).read_text(encoding="utf-8").replace('<g id="patch_1">', '<g class="paper">', 1)
     return {"picture": (shorter(svg).replace("</style>", f"{_DARK}</style>", 1) + "\n").encode()}
+
+
+def drawn(figure: Any) -> bytes:
+    """Return a figure of matplotlib as the picture of a page."""
+    from nearharmonic.plotting.style import save
+
+    with TemporaryDirectory() as folder:
+        return on_page(str(*save(figure, [f"{folder}/figure.svg"])))["picture"]
 
 
 # --- Formats of numbers and verdicts on the page.

@@ -15,7 +15,8 @@ from nearharmonic.output.table import filled, short
 from nearharmonic.plotting.style import new_figure, style_of
 from nearharmonic.recommendation.measure import Solver, curves_of, dataset_of
 from nearharmonic_paper.pages import library, targets
-from nearharmonic_paper.pages.filling import drawn, rows_of
+from nearharmonic_paper.pages.filling import rows_of
+from nearharmonic_paper.report.shown import drawn
 from nearharmonic_studies.crystals import results as of_crystals
 from nearharmonic_studies.samplers.results import page as samplers
 from nearharmonic_studies.trained.page import page as trained
