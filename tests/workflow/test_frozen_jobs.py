@@ -58,6 +58,7 @@ def test_all_other_jobs_can_be_frozen_but_one_that_stays_here(finished, tmp_path
     for name in ("docs", "examples", "benchmarks"):
         shutil.copytree(ROOT / name, documented.folder / name)
     pages = _frozen(documented, "pages")
-    measured = {f"page_of_{name}" for name in ("examples", "gauss", "tabulated_potentials", "tailor", "tangent_maps")}
+    names = ("choosing", "examples", "gauss", "tabulated_potentials", "tailor", "tangent_maps")
+    measured = {f"page_of_{name}" for name in names}
     # Commands of a shell; the ranking is a page of times.
     assert {job["rule"] for job in pages if job["place"] is None and not job["norun"]} == measured

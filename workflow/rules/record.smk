@@ -22,7 +22,8 @@ def makeable():
     """Return the names of all files that jobs of this config make, in the folder of results."""
     targets = [getattr(rules, one.target).input for one in EXPERIMENTS.values()]
     asked_by_name = rules.claims.input, rules.columns.input, map(CUBE, PAPER.cubes)
-    paths = itertools.chain(*targets, *asked_by_name, RUNS)
+    figures = (FIGURE(one.stem) for one in FIGURES)  # also the ones that no experiment draws by default
+    paths = itertools.chain(*targets, *asked_by_name, *figures, RUNS)
     return {str(path).removeprefix(f"{RESULTS}/") for path in paths if not str(path).endswith(".done")}
 
 

@@ -54,6 +54,8 @@ _OWN = ("sho", "henon_heiles", "kepler")
 _ALONE = {f"figure-{system}_energy_error.html" for system in SYSTEMS if system not in _OWN}
 #: Target -> the files that it stands for.
 TARGETS = _OF_EXPERIMENTS | {one.target: figures(one.stem) for one in _DRAWN} | {
+    f"{one.cube}_energy_error": figures(one.stem) for one in _DRAWN if one.profile
+} | {
     "figures": set().union(*FIGURES.values()),
     "columns": set().union(
         *(figures(f"{one.stem}_column") for one in _DRAWN if one.experiment == "paper" and one.by_default)
