@@ -88,7 +88,7 @@ def intervals(config: Any) -> dict[str, str]:
 EXPERIMENT = Experiment(
     name="stability",
     title="Stability",
-    about="Linear stability limits, ensembles, maps of Kepler orbits, round-off, conserved structure, other T than p²/2.",
+    about="Linear stability limits, ensembles, Kepler orbits, round-off, conserved structure, T other than p²/2.",
     place=4,
     duration="70 s",
     settings=StabilitySettings,

@@ -43,10 +43,7 @@ class WorkPrecisionSettings:
         default=None,
     )
     longest: PositiveNumber = setting(
-        "Settings of other libraries are refined until a run takes longer",
-        "a finite number above 0",
-        unit="s",
-        default=0.25,
+        "Library settings are refined until a run takes longer", "a finite number above 0", unit="s", default=0.25
     )
 
     def check(self, methods: Sequence[Tableau], problems: Collection[str]) -> None:
