@@ -48,9 +48,9 @@ CARRYING = (
 FAILURES = {
     "outperform-ruth-kepler": "on the Sun-Mercury system the new methods beat Ruth's method by a factor, not by orders "
     "of magnitude",
-    "bab-prime-leaves-q": "in BAB' sets the momentum is less exact than the position; the paper says the opposite",
+    "bab-prime-leaves-q": "BAB' sets leave an error in p, like BAB sets, but the paper says in q",
     "eq-16-general": "Eq. 16 alone does not imply order four",
-    "s5odr4-of-kahan": "Suzuki, not Kahan, first composed s5odr4",
+    "s5odr4-of-kahan": "the weights of s5odr4 are Suzuki's, not Kahan's",
 }
 
 #: The table in README and the sentence below it.
