@@ -67,7 +67,7 @@ def contests() -> list[tuple[str, System, str]]:
     fput = System(name="fput_8", V=chain, q0=first_mode, p0=("0",) * 8, t_end="400")
     return [
         ("Hénon-Heiles, H = 1/8", known["henon_heiles"], "200"),
-        ("Kepler, e = 0.206", known["kepler"], "87660"),
+        ("Sun-Mercury, e = 0.206", known["kepler"], "87660"),
         ("pendulum, 1 rad", pendulum, "200"),
         ("quartic pair", quartic, "200"),
         ("FPUT-8, first mode", fput, "400"),

@@ -69,7 +69,7 @@ def _top_parser(words: Sequence[str]) -> argparse.ArgumentParser:
         allow_abbrev=False,
     )
     top.add_argument("--version", action="version", version=f"{PROGRAM} {__version__}")
-    top.add_argument("command", nargs="?", help="one of those below")
+    top.add_argument("command", nargs="?", help="one of the commands below")
     top.add_argument("words", nargs=argparse.REMAINDER, metavar="...", help="its own arguments")
     return top
 

@@ -373,7 +373,7 @@ COMMANDS = {
         adding(
             argument("result", help=RESULT),
             argument("-o", "--output", metavar="FILE.zip", help="file to write (default NAME.zip)"),
-            argument("--with-runs", action="store_true", help="with the trajectories"),
+            argument("--with-runs", action="store_true", help="include the trajectories"),
         ),
         _archive,
     ),
@@ -404,13 +404,13 @@ COMMANDS = {
         "put the workflow into this folder, if it is not there, and run it",
         adding(
             argument("targets", nargs="*", metavar="TARGET", help="targets of the workflow (default all)"),
-            argument("--config", metavar="FILE", help="a config in place of config/config.yaml, which is the paper's"),
+            argument("--config", metavar="FILE", help="a config in place of the paper's, config/config.yaml"),
             argument("-j", dest="jobs", default="2", metavar="N", help="jobs at a time (default 2)"),
         ),
         _reproduce,
     ),
     "runs": Command(
-        "list single runs: step, errors, status; chosen and sorted",
+        "list single runs with step, errors and status, selected and sorted",
         adding(
             argument("result", nargs="+", help=RESULT),
             argument(
@@ -419,7 +419,7 @@ COMMANDS = {
                 help="a condition on columns, such as \"max_energy_error < 1e-9 and status == 'ok'\"",
             ),
             argument("--sort", metavar="KEY", help="a column; with a minus before it, from the largest"),
-            argument("--limit", metavar="N", help="rows to show at most"),
+            argument("--limit", metavar="N", help="largest number of rows"),
             argument("--columns", metavar="A,B,...", help="columns to show; all if not given"),
         ),
         _runs,
@@ -437,11 +437,11 @@ COMMANDS = {
         _show,
     ),
     "verify": Command(
-        "check every file of a result, or of an archive, against its record, and this code against the recorded",
+        "check every file of a result or an archive against its record, and the code with the recorded code",
         adding(
             argument("result", help="a folder of results, its name below results/, or an archive (.zip)"),
             argument("--rerun", metavar="N", default="0", help="integrate N runs again and compare every bit"),
-            argument("--seed", metavar="N", default="1", help="which runs are drawn (default 1)"),
+            argument("--seed", metavar="N", default="1", help="seed that selects these runs (default 1)"),
             TRUST,
         ),
         _verify,

@@ -80,12 +80,12 @@ class Config:
         default="compensated",
     )
     decomposition: tuple[str, ...] | None = setting(
-        "The methods of figure 2, to which files in integrators add theirs; all integrators if not given",
+        "The methods of Figure 2, besides the methods of files in integrators; all integrators if not given",
         default=None,
         **_METHODS,
     )
     overview: tuple[str, ...] | None = setting(
-        "The methods of the table that compares all, to which files in integrators add theirs; if not given, all with "
+        "The methods of the table of all methods, besides the methods of files in integrators; if not given, all with "
         "kicks of V alone",
         default=None,
         **_METHODS,

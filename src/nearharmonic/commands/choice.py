@@ -46,12 +46,12 @@ def recommend_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("system", help="name of a system, or a Python file that defines SYSTEM")
     add("--config", help="a config that defines the system, and integrators beside the registered ones")
-    add("--error", required=True, help="the error that is allowed, such as 1e-9")
+    add("--error", required=True, help="largest error that is allowed, such as 1e-9")
     add("--measure", default="max", help="one of max, mean, position (default max)")
     add("--t-end", metavar="T", help="end of the interval (default: from the config or the system)")
     add("--methods", metavar="A,B,...", help="names, or files that define TABLEAU (default all and other libraries)")
-    add("--budget", metavar="N", help="most evaluations of the force in a run (default 200000)")
-    add("--limit", metavar="N", help=f"most rows (default {LIMIT}; JSON holds every method)")
+    add("--budget", metavar="N", help="largest number of force evaluations in a run (default 200000)")
+    add("--limit", metavar="N", help=f"largest number of rows (default {LIMIT}; JSON holds every method)")
     add("--results", help="folder with timings (default: of the config, or results/paper)")
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = "\n".join(["columns:", *(f"  {name:<12} {says}" for name, says in COLUMNS.items())])
@@ -152,16 +152,14 @@ def tailor_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("system", help="name of a system, or a Python file that defines SYSTEM")
     add("--stages", default="8", metavar="S", help="4 to 20, or 6:10 for the best of several (default 8)")
-    add(
-        "--window", metavar="LOW:HIGH", help="step sizes per stage, in the system's unit of time, a factor 1.2 at least"
-    )
-    add("--error", help="or the energy error that registered methods have in the window's middle (default 1e-6)")
+    add("--window", metavar="LOW:HIGH", help="step sizes per stage in the system's unit of time, HIGH at least 1.2 LOW")
+    add("--error", help="in place of --window: energy error of registered methods in its middle (default 1e-6)")
     add("--seconds", help="time of the search (default 30); Ctrl-C gives the best so far")
-    add("--trials", metavar="N", help="methods that it tries, in place of a time or beside it")
+    add("--trials", metavar="N", help="number of methods to try, with --seconds or in place of it")
     add("--starts", metavar="FILE.csv", help="starts in place of drawn ones: positions, then momenta")
     add("--energy", metavar="E", help="energy of all drawn starts, or same (default a box around the orbit)")
-    add("--seed", default="0", help="of all random numbers (default 0)")
-    add("--output", metavar="FILE.py", help="file to write the method to, if it gains anything")
+    add("--seed", default="0", help="seed of all random numbers (default 0)")
+    add("--output", metavar="FILE.py", help="file for the method, written if there is a gain")
 
 
 def tailor_answer(chosen: argparse.Namespace) -> Answer:

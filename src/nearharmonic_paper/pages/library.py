@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 #: Step sizes per stage at which methods with modified potentials are compared, the heads of their columns, and the time
 #: of a force with the gradient of its square over the time of a force.
 COMPARED = {"henon_heiles": ((0.05, 0.1, 0.2), "Hénon-Heiles, τ/s = {:g}", 2.1),
-            "kepler": ((10, 20, 40), "Kepler, {:g} h", 1.3)}  # fmt: skip
+            "kepler": ((10, 20, 40), "Sun-Mercury, {:g} h", 1.3)}  # fmt: skip
 #: Methods without a modified potential in this table.
 PLAIN = ("ruth", "srkn_b6", "srkn_b11", "srkn_a14", "nystrom_6a8", "babps8o7h")
 

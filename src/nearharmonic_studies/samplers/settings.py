@@ -41,7 +41,7 @@ class SamplersSettings:
     families: tuple[str, ...] = some_of(
         "Families of methods that are searched for coefficients, by stages and first move", FAMILIES
     )
-    size: int = setting("Dimensions of the quartic posterior, and at most so many sites", default=1024, **whole_from(9))
+    size: int = setting("Dimensions of the posterior, and most sites of the field", default=1024, **whole_from(9))
     points: int = setting("Step sizes that are tried for a method", default=12, **whole_from(2, 100))
     tuning: int = setting("Proposals of each chain that tunes step size and length", default=400, **whole_from(10))
     proposals: int = setting("Proposals of each chain that measures", default=1000, **whole_from(20))

@@ -366,7 +366,7 @@ class ProofSettings:
     )
     systems: int = setting("Problems of each ensemble", default=192, **whole_from(4, 10**5))
     t_end: PositiveDecimal = setting(
-        "Every run covers so many radians of the fastest small oscillation", POSITIVE, unit="rad", default="100"
+        "Length of each run in radians of the fastest small oscillation", POSITIVE, unit="rad", default="100"
     )
     tau_per_stage: tuple[PositiveDecimal, ...] = positive_numbers(
         "Step sizes divided by the cost of a step in evaluations, in radians of the fastest small oscillation",

@@ -45,7 +45,7 @@ class DerivationSettings:
         default=(5,),
     )
     simplex_starts: int = setting(
-        "Random points from which a short simplex is tried; those that lead near a solution are followed",
+        "Random points from which a short simplex is tried; points that lead near a solution are followed",
         default=1500,
         **whole_from(1, 10**6),
     )

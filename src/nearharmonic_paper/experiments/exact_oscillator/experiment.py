@@ -45,7 +45,7 @@ EXPERIMENT = Experiment(
         "exact_oscillator": (
             "tau_per_stage, integrator, energy, exact_integrator, charge",
             "energy errors with T and V and with the oscillator solved exactly; `crossing`, the energy up to which the "
-            "latter is ahead, by what its step costs",
+            "exact oscillator is ahead, by the cost of its step",
         )
     },
     tables=("exact_oscillator", "exact_oscillator_times"),

@@ -88,7 +88,7 @@ def intervals(config: Any) -> dict[str, str]:
 EXPERIMENT = Experiment(
     name="stability",
     title="Stability",
-    about="Linear limits, ensembles, Kepler maps, round-off growth, structure, T not quadratic.",
+    about="Linear stability limits, ensembles, Kepler orbits, round-off, conserved structure, T other than p²/2.",
     place=4,
     duration="70 s",
     settings=StabilitySettings,
@@ -102,7 +102,7 @@ EXPERIMENT = Experiment(
         "structure": (
             "system, integrator",
             "symplectic defect of the tangent map, distance from the start after a run and the run back, and drift of "
-            "the energy, each beside what rounding gives",
+            "the energy, each with the value that rounding alone gives",
         ),
         "kinetic_energy": (
             "roles, amplitude, integrator, tau_per_stage",

@@ -110,7 +110,7 @@ class EvaluationsGrid:
 
     __pydantic_config__ = STRICT
 
-    lowest: PositiveNumber = setting("Fewest", POSITIVE, unit="1", default=10.0)
+    lowest: PositiveNumber = setting("Smallest number", POSITIVE, unit="1", default=10.0)
     highest: PositiveNumber = setting(
         "The grid ends at or just below this number", AT_LEAST_LOWEST, unit="1", default=320_000.0
     )
@@ -129,7 +129,7 @@ class MapSettings:
         **whole_from(2, 10**4),
     )
     highest_eccentricity: Eccentricity = setting(
-        "That of the last orbit", "a number above 0 and below 1", unit="1", default=0.99
+        "Eccentricity of the last orbit", "a number above 0 and below 1", unit="1", default=0.99
     )
     orbits: int = setting(
         "Periods of the exact orbit that each run covers",

@@ -22,7 +22,7 @@ class WorkPrecisionSettings:
     __pydantic_config__ = STRICT
 
     integrators: tuple[str, ...] | None = setting(
-        "Further methods than in the figures; if not given, all except the rest of the paper's Table 4",
+        "Methods besides the methods of the figures; if not given, all except the other ones of the paper's Table 4",
         "a list of integrators, each named once",
         each="the name of an integrator, or the path of a Python file that defines TABLEAU or TABLEAUS",
         default=None,
@@ -31,19 +31,19 @@ class WorkPrecisionSettings:
         "Step sizes in each factor of ten, over the range of the system", default=8, **whole_from(1, 100)
     )
     evaluations: int = setting(
-        "A run of this package's methods takes at most so many evaluations of the force",
+        "Largest number of force evaluations in a run of this package's methods",
         default=1_250_000,
         **whole_from(100, 10**9),
     )
     peers: tuple[str, ...] | None = setting(
         "Other libraries, timed if they are installed and named as missing if not; numpy is plain numpy code, gcc a "
-        "plain loop in C. All that are known if not given",
+        "plain loop in C. All known libraries if not given",
         "a list of libraries, each named once",
         each="the name of a library",
         default=None,
     )
     longest: PositiveNumber = setting(
-        "A peer's settings are refined up to a run that takes longer", "a finite number above 0", unit="s", default=0.25
+        "Library settings are refined until a run takes longer", "a finite number above 0", unit="s", default=0.25
     )
 
     def check(self, methods: Sequence[Tableau], problems: Collection[str]) -> None:
