@@ -48,7 +48,7 @@ CARRYING = (
 FAILURES = {
     "outperform-ruth-kepler": "on the Sun-Mercury system the new methods beat Ruth's method by a factor, not by orders "
     "of magnitude",
-    "bab-prime-leaves-q": "BAB' sets leave an error in p, like BAB sets, but the paper says in q",
+    "bab-prime-leaves-q": "in BAB' sets p is less exact than q, and the paper says the opposite",
     "eq-16-general": "Eq. 16 alone does not imply order four",
     "s5odr4-of-kahan": "the weights of s5odr4 are Suzuki's, not Kahan's",
 }

@@ -126,7 +126,7 @@ _GAIN: Any = {
         "Energy error of Ruth's method divided by the error of each method at the same step size per stage τ/s, which "
         "means equal cost. At 100 the error is 100 times smaller than Ruth's. Bold curves are the methods of Nielsen "
         "(2015) and methods found here. They gain orders of magnitude on the Hénon-Heiles system, which is nearly "
-        "harmonic, and a factor on the eccentric Sun-Mercury system. Yosh s7o6 A has order six, so its gain grows as "
+        "harmonic, and much less on the eccentric Sun-Mercury system. Yosh s7o6 A has order six, so its gain grows as "
         "steps shrink. Each point is two whole runs in double precision. A curve ends on the left where an error is "
         "below 2 × 10⁻¹⁵, near the rounding of a double, and on the right where Ruth's error exceeds 1 %."
     ),
