@@ -320,8 +320,19 @@ def test_figure_moves_by_itself_only_when_seen_and_wanted(opened, motion):
     assert told(section) == before
 
 
-def test_a_tap_on_a_phone_shows_a_value(opened):
+def test_a_tap_on_a_phone_shows_a_value(opened, results):
     page = opened(viewport={"width": 390, "height": 844}, has_touch=True, is_mobile=True, reduced_motion="reduce")
+    with h5py.File(results / "cubes/kepler.h5") as cube:
+        x, y = cube["tau_per_stage"][()], cube["max_energy_error"][()]
+    i, j = lonely(x, y)
+    page.locator("#figure-5-panel-1").scroll_into_view_if_needed()
+    page.touchscreen.tap(*page.evaluate("(at) => spotOf(...at)", ["figure-5-panel-1", float(x[j]), float(y[i, j])]))
+    shown = page.locator(".bk-Tooltip")
+    shown.first.wait_for(timeout=3000)
+    box = shown.first.bounding_box()
+    assert 0 <= box["x"] < box["x"] + box["width"] <= 390
+    page.evaluate("scrollBy(0, 50)")
+    shown.first.wait_for(state="detached", timeout=3000)
     section = page.locator("#alive")
     section.locator(".panels").scroll_into_view_if_needed()
     canvas = section.locator("canvas").first
@@ -364,6 +375,9 @@ def test_page_fits_every_width(wide):
             room, letter = wide.evaluate("(selector) => roomFor(selector)", column)
             assert room >= min(45 * letter, 0.9 * width), (width, column)
     wide.set_viewport_size({"width": 1280, "height": 900})
+    wide.screenshot(full_page=True)  # a tall window once made the plot of errors grow without end
+    wide.wait_for_timeout(500)
+    assert wide.locator("#alive .errors").bounding_box()["height"] < 600
     wide.evaluate("for (const one of document.querySelectorAll('details')) one.open = false")
 
 

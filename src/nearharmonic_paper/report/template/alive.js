@@ -153,6 +153,7 @@
   };
   const raised = (n) => [...String(n)].map((digit) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(digit)]).join("");
   const short = (value, digits = 1) => {
+    if (value === 0) return "0";
     const [mantissa, power] = value.toExponential(digits).split("e");
     return `${mantissa} × 10${raised(Number(power))}`;
   };

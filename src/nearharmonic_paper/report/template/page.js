@@ -81,14 +81,19 @@
         else zoom(range, button.dataset.zoom === "in" ? 0.5 : 2);
     });
 
-  // A finger on a plot scrolls the page, and a tap shows what a hover shows; a mouse draws a rectangle to zoom.
+  // A finger on a plot scrolls the page, and a tap shows what a hover shows until the next tap or scroll; a mouse draws
+  // a rectangle to zoom.
+  let forget = () => {};
+  addEventListener("scroll", () => forget());
   const leaveFingers = (plot) => {
     if (!matchMedia("(pointer: coarse)").matches) return;
     for (const tool of plot.toolbar.tools) if (tool.type === "BoxZoomTool") tool.active = false;
     document.getElementById(plot.name).addEventListener("click", (event) => {
-      const { clientX, clientY } = event;
-      const move = new PointerEvent("pointermove", { clientX, clientY, isPrimary: true, view: window });
-      event.composedPath()[0].dispatchEvent(move);
+      const { clientX, clientY } = event, [place] = event.composedPath();
+      const tell = (name) => place.dispatchEvent(new PointerEvent(name, { clientX, clientY, isPrimary: true, view: window }));
+      forget();
+      forget = () => tell("pointerout");
+      tell("pointermove");
     });
   };
 
