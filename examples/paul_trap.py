@@ -50,7 +50,7 @@ def main():
     figure = new_figure(6.4, 5)
     axes = figure.subplots()
     image = axes.pcolormesh(s, a, phase, cmap="cividis", vmin=0, vmax=1, rasterized=True)
-    figure.colorbar(image, label=r"phase of the map of a period ($\pi$); white: the ion is lost")
+    figure.colorbar(image, label=r"phase of the map of a period ($\pi$); blank: the ion is lost")
     axes.set(xlabel="$s$, alternating voltage", ylabel="$a$, static voltage")
     print("wrote", save(figure, ["paul_trap.png"])[0].resolve())
 

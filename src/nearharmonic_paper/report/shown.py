@@ -171,7 +171,7 @@ def is_number(text: str) -> bool:
 
 def percent(share: float) -> str:
     """Return a fraction as a percentage with two digits, or "below 0.01 %"."""
-    return f"{100 * share:.2g} %" if share >= 1e-4 or share == 0 else "below 0.01 %"
+    return f"{100 * share:.2g}\N{NO-BREAK SPACE}%" if share >= 1e-4 or share == 0 else "below 0.01 %"
 
 
 def tallied(claims: Sequence[Mapping[str, Any]]) -> str:

@@ -15,7 +15,7 @@ _FIGURES = {
         "Best method by temperature and step size",
         "The kind of method with the smallest maximum energy error, by temperature relative to the melting point and "
         "force evaluations per period of the fastest phonon. Numbers and depth of colour are its lead over the best "
-        "method of another kind, in decades. White: every method has an error above a tenth of the mean kinetic "
+        "method of another kind, in decades. Blank: every method has an error above a tenth of the mean kinetic "
         "energy.",
     ),
     "crystals_phonons": (

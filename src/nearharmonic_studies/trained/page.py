@@ -208,7 +208,7 @@ def _areas(panels: Sequence[Axes]) -> None:
         axes.set_ylim(low, high)
         axes.yaxis.set_major_locator(MultipleLocator(0.5))
         for place, says, va in ((0.98, "trained ahead", "top"), (0.02, "published ahead", "bottom")):
-            axes.text(0.02, place, says, transform=axes.transAxes, va=va, color="#404040", fontsize=8)
+            axes.text(0.98, place, says, transform=axes.transAxes, ha="right", va=va, color="#404040", fontsize=8)
 
 
 def _band(name: str) -> str:

@@ -156,9 +156,9 @@ FIGURES = {
             "Position error terms of one step for the simple harmonic oscillator (Nielsen 2015, Eq. 17, "
             "dimensionless). A: κ by order λ, up to the highest order that a method's stages reach. Circles around the "
             "markers: ABA composition (outer row drifts q). Lines: BAB composition of the same coefficients (outer row "
-            "kicks p). Both meet at even orders. The inset has the methods with a term above 1000. B: orders whose "
-            "term vanishes (below 10⁻³⁰ in multiprecision), as circle (ABA) and bar (BAB). The harmonic order of the "
-            "position is the last order before the first gap."
+            "kicks p). Both meet at even orders. The static figure has methods with a term above 1000 in an inset. B: "
+            "orders whose term vanishes (below 10⁻³⁰ in multiprecision), as circle (ABA) and bar (BAB). The harmonic "
+            "order of the position is the last order before the first gap."
         ),
     ),
     "fig3_henon_heiles": Figure(
@@ -207,7 +207,7 @@ FIGURES = {
             "the drifts (horizontal) and kicks (vertical). Shades and contours are the Hamiltonian H, and the dashed "
             "contour passes through the start. Below each panel are the step size, the relative energy error after two "
             "iterations, and the largest after any of 1000, or the iteration at which the path leaves its energy "
-            "surface. In D it stays on the surface in the plane only: see fig6_displaced."
+            "surface. In D it stays on the surface in the plane only, as the figure on starts outside the plane shows."
         ),
     ),
     "fig6_displaced": Figure(
@@ -217,7 +217,7 @@ FIGURES = {
             "Panel D of Figure 6 from starts outside its plane: BABs7o7H on the Hénon-Heiles system with τ = 2 from q "
             "= p = 0.4 along y, p = 0 along x, and qₓ = 0 or one of four other values, over 100 000 iterations with "
             "compensated (A) and plain sums (B). A curve is the maximum relative energy error since its previous "
-            "point. In the plane qₓ = 0 (black) the error stays bounded. From every other start, even qₓ = 10⁻¹², the "
+            "point. In the plane qₓ = 0 the error stays bounded. From every other start, even qₓ = 10⁻¹², the "
             "path leaves its energy surface (cross, at |ΔH/H₀| = 1). Rounding decides at which iteration: the crosses "
             "of A and B differ, and the order of operations moves them too."
         ),
