@@ -31,7 +31,7 @@ extensions = [
 exclude_patterns = ["_extensions", "_templates", "reference/generated/parts", "**/.jupyter_cache", "jupyter_execute"]
 
 myst_enable_extensions = ["amsmath", "colon_fence", "deflist", "dollarmath"]
-myst_heading_anchors = 4  # links to headings as those of the repository's own pages
+myst_heading_anchors = 4  # links to headings, as in the pages of the repository
 nb_execution_mode = "cache"
 # Cells are kept by their text alone: other code of the package is another cache.
 nb_execution_cache_path = str(HERE.parent / "build/notebooks" / package_digest()[:16])

@@ -101,7 +101,7 @@ class PaperTable(SphinxDirective):
 
 
 class Figure6Alive(SphinxDirective):
-    """Figure 6 in motion, in a frame; its page is written beside those of the site."""
+    """Figure 6 in motion, in a frame, which shows a page of its own."""
 
     def run(self) -> list[nodes.Node]:
         """Return the frame."""

@@ -124,7 +124,7 @@ def picture(svg: str) -> str:
 
 def thumbnail(png: Path) -> str:
     """Return a small picture of a PNG file as a data URI."""
-    from PIL import Image, WebPImagePlugin  # noqa: F401  else Pillow loads its forty plugins to find that of WebP
+    from PIL import Image, WebPImagePlugin  # noqa: F401  else Pillow loads all its forty plugins
 
     with Image.open(png) as whole:
         height = round(_WIDTH * whole.height / whole.width)
