@@ -218,4 +218,4 @@ def test_run_prints_lines_of_groups_and_its_sum(project):
     kinds = ("compile henon_heiles", r"integrate henon_heiles 4/4", "reduce henon_heiles", "draw_henon_heiles")
     assert [bool(re.fullmatch(kind + seconds, line)) for kind, line in zip(kinds, groups, strict=True)] == [True] * 4
     assert re.fullmatch(r"Figures: \d+ in results/tiny/figures", figures)
-    assert re.fullmatch(rf"Time:{seconds},{seconds} of CPU, 7 jobs, \S+ force evaluations", time_)
+    assert re.fullmatch(rf"Time:{seconds},{seconds} of CPU, 7 jobs, \S+ force evaluations in all", time_)

@@ -107,7 +107,7 @@ def closing_lines():
         table = f"{RESULTS}/{OMISSIONS}"
         yield f"{summary_line(table)}: {table}"
     jobs = told["jobs_run"] or 0
-    work = f"{jobs} job{'s' * (jobs != 1)}, {told['evaluations'] or 0:.2g} force evaluations"
+    work = f"{jobs} job{'s' * (jobs != 1)}, {told['evaluations'] or 0:.2g} force evaluations in all"
     yield f"Time: {told['duration']:.1f} s, {told['cpu_seconds']:.1f} s of CPU, {work}"
     if Path(f"{RESULTS}/report.html").exists():
         yield f"Page: {RESULTS}/report.html"
