@@ -38,7 +38,7 @@ def V(q):
     return (x * x + 2 * y * y) / 2 + (x**4 + y**4) / 8 + x * x * y * y / 2
 
 
-system = nh.System(name="quartic_pair", V=V, q0=("1", "0.5"), p0=("0", "0.3"), t_end="200")""",
+system = nh.System(name="quartic_pair", V=V, q0=(1, 0.5), p0=(0, 0.3), t_end=200)""",
     ),
     "fput_8": (
         "chain, weakly coupled modes",
@@ -55,7 +55,7 @@ def V(q):
 
 
 q0 = tuple(f"{sin(pi * (i + 1) / 9):.6f}" for i in range(8))
-system = nh.System(name="fput_8", V=V, q0=q0, p0=("0",) * 8, t_end="400")""",
+system = nh.System(name="fput_8", V=V, q0=q0, p0=(0,) * 8, t_end=400)""",
     ),
     "pendulum": (
         "large amplitude",
@@ -64,7 +64,7 @@ system = nh.System(name="fput_8", V=V, q0=q0, p0=("0",) * 8, t_end="400")""",
 import nearharmonic as nh
 from nearharmonic.math import cos
 
-system = nh.System(name="pendulum", V=lambda q: -cos(q[0]), q0=("1",), p0=("0",), t_end="200")""",
+system = nh.System(name="pendulum", V=lambda q: -cos(q[0]), q0=(1,), p0=(0,), t_end=200)""",
     ),
     "kepler": ("eccentric orbit", "Sun-Mercury, ten years", "import nearharmonic as nh"),
 }

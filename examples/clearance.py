@@ -28,7 +28,7 @@ def period(q, p, k):
 
 
 SYSTEM = System(
-    name="clearance", label="oscillator with clearance", V=V, grad_V=grad_V, q0=("1.5",), p0=("0",), t_end="200",
+    name="clearance", label="oscillator with clearance", V=V, grad_V=grad_V, q0=(1.5,), p0=(0,), t_end=200,
     parameters={"k": 4}, period=period, source="Shaw & Holmes (1983), J. Sound Vib. 90, 129",
 )  # fmt: skip
 

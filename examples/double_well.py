@@ -11,9 +11,9 @@ SYSTEM = System(
     name="double_well",
     label="double well",
     V=V,
-    q0=("1.42",),
-    p0=("0",),
-    t_end="100",
+    q0=(1.42,),
+    p0=(0,),
+    t_end=100,
     energy_scale="0.25",  # the depth of the wells: H is nearly 0 on an orbit that just crosses the barrier
     source="Guckenheimer & Holmes (1983), Sec. 2.2: the unforced Duffing equation, doi:10.1007/978-1-4612-1140-2",
 )

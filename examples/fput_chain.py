@@ -19,9 +19,9 @@ SYSTEM = System(
     label="FPUT chain",
     V=V,
     q0=[f"{sin(pi * i / (SITES + 1)):.9f}" for i in range(1, SITES + 1)],
-    p0=["0"] * SITES,
-    t_end="1000",
-    parameters={"beta": Parameter(value="0.1", unit="1", meaning="strength of the quartic term")},
+    p0=[0] * SITES,
+    t_end=1000,
+    parameters={"beta": Parameter(value=0.1, unit="1", meaning="strength of the quartic term")},
     source="Fermi, Pasta, Ulam & Tsingou (1955), Los Alamos report LA-1940",
 )
 

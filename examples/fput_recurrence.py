@@ -27,8 +27,8 @@ SYSTEM = System(
     label="FPUT chain, 32 springs",
     V=V,
     q0=[f"{sin(pi * i / (SITES + 1)):.15f}" for i in range(1, SITES + 1)],
-    p0=["0"] * SITES,
-    t_end="11000",
+    p0=[0] * SITES,
+    t_end=11000,
     parameters={"alpha": "0.25"},
     source="Fermi, Pasta, Ulam & Tsingou (1955), Los Alamos report LA-1940, Fig. 1",
 )

@@ -25,10 +25,8 @@ SYSTEM = System(
     q0=[f"{RANDOM.gauss(0, 0.6):.6f}" for _ in range(3 * BODIES)],
     p0=[f"{float(MASSES[i // 3]) * RANDOM.gauss(0, 0.4):.9f}" for i in range(3 * BODIES)],
     masses=[mass for mass in MASSES for _ in range(3)],
-    t_end="2",
-    parameters={
-        "softening": Parameter(value="0.05", unit="1", meaning="length below which the attraction is softened")
-    },
+    t_end=2,
+    parameters={"softening": Parameter(value=0.05, unit="1", meaning="length below which the attraction is softened")},
     source="textbook example",
 )
 

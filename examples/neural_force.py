@@ -26,7 +26,7 @@ def grad_V(q):
 
 
 SYSTEM = System(
-    name="neural_force", label="neural force", V=V, grad_V=grad_V, q0=("0", "0.3"), p0=("0.35", "0"), t_end="200",
+    name="neural_force", label="neural force", V=V, grad_V=grad_V, q0=(0, 0.3), p0=(0.35, 0), t_end=200,
     energy_scale="0.1", source="fitted by least squares to Hénon & Heiles (1964), doi:10.1086/109234",
 )  # fmt: skip
 

@@ -32,7 +32,7 @@ SYSTEM = System(
     q0=[x for _, place, _ in BODIES.values() for x in place.split()],
     p0=[f"{m.numerator * Decimal(v) / m.denominator}" for m, (_, _, row) in TABLE for v in row.split()],
     masses=[mass for mass in MASSES for _ in range(3)],
-    t_end="200000",
+    t_end=200000,
     units={"q": "au", "p": "Msun au d-1", "t": "d", "energy": "Msun au2 d-2"},
     parameters={"G": Parameter(value="2.95912208286e-4", unit="au3 Msun-1 d-2", meaning="gravitational constant")},
     source="Hairer, Lubich & Wanner (2006), Geometric Numerical Integration, Sec. I.2.4, Table 2.2",

@@ -17,13 +17,13 @@ SYSTEM = System(
     label="pendulum",
     V=V,
     T=T,
-    q0=("0.5",),
-    p0=("0",),
-    t_end="60",
+    q0=(0.5,),
+    p0=(0,),
+    t_end=60,
     units={"q": "rad", "p": "kg m2 s-1", "t": "s", "energy": "J"},
     parameters={
-        "g": Parameter(value="9.80665", unit="m s-2", meaning="acceleration of free fall"),
-        "length": Parameter(value="1", unit="m", meaning="length of the rod"),
+        "g": Parameter(value=9.80665, unit="m s-2", meaning="acceleration of free fall"),
+        "length": Parameter(value=1, unit="m", meaning="length of the rod"),
     },
     source="textbook example",
 )

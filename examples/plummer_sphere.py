@@ -31,7 +31,7 @@ SYSTEM = System(
     q0=[f"{x:.9f}" for place, _ in CLUSTER for x in place],
     p0=[f"{v / STARS:.9f}" for _, velocity in CLUSTER for v in velocity],
     masses=[f"1/{STARS}"] * (3 * STARS),
-    t_end="10",
+    t_end=10,
     parameters={"softening": "0.05"},
     source="Aarseth, Henon & Wielen (1974), Astron. Astrophys. 37, 183, Appendix",
 )

@@ -15,12 +15,12 @@ SYSTEM = System(
     name="poincare_section",
     label="logarithmic galaxy",
     V=V,
-    q0=("0.45", "0"),
-    p0=("0", "0.5"),
-    t_end="50",
+    q0=(0.45, 0),
+    p0=(0, 0.5),
+    t_end=50,
     parameters={
-        "core": Parameter(value="0.14", unit="1", meaning="radius of the core"),
-        "flattening": Parameter(value="0.9", unit="1", meaning="axis ratio of the equipotentials"),
+        "core": Parameter(value=0.14, unit="1", meaning="radius of the core"),
+        "flattening": Parameter(value=0.9, unit="1", meaning="axis ratio of the equipotentials"),
     },
     source="Binney & Tremaine (2008), Galactic Dynamics, 2nd ed., Sec. 3.3.1: core and flattening",
 )

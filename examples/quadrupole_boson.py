@@ -27,12 +27,12 @@ SYSTEM = System(
     V=V,
     T=T,
     q0=("4.919080920016389", "2.836942666663649"),
-    p0=("0", "0"),
-    t_end="100",
+    p0=(0, 0),
+    t_end=100,
     parameters={
-        "A": Parameter(value="1", unit="1", meaning="strength of the harmonic terms"),
-        "B": Parameter(value="0.55", unit="1", meaning="strength of the cubic terms"),
-        "D": Parameter(value="0.4", unit="1", meaning="strength of the quartic term"),
+        "A": Parameter(value=1, unit="1", meaning="strength of the harmonic terms"),
+        "B": Parameter(value=0.55, unit="1", meaning="strength of the cubic terms"),
+        "D": Parameter(value=0.4, unit="1", meaning="strength of the quartic term"),
     },
     source="Baran & Raduta (1998), Int. J. Mod. Phys. E 7, 527; initial values of SciMLBenchmarks, "
     "Quadrupole_boson_Hamiltonian_energy_conservation_benchmark",

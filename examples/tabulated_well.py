@@ -30,7 +30,7 @@ def grad_V(q):
 
 
 SYSTEM = System(
-    name="tabulated_well", label="tabulated double well", V=V, grad_V=grad_V, q0=("1.42",), p0=("0.1",), t_end="100",
+    name="tabulated_well", label="tabulated double well", V=V, grad_V=grad_V, q0=(1.42,), p0=(0.1,), t_end=100,
     energy_scale="0.25", source="Press et al. (2007), Numerical Recipes, Sec. 3.3: natural cubic splines",
 )  # fmt: skip
 

@@ -34,12 +34,12 @@ SYSTEM = System(
     label="NAME",  # the name in figures and tables
     V=V,
     # Numbers are decimals: "0.1" and 0.1 are one tenth in every precision, and strings keep all their digits.
-    q0=("1", "0"),
-    p0=("0", "0.5"),
-    t_end="100",
+    q0=(1, 0),
+    p0=(0, 0.5),
+    t_end=100,
     parameters={
-        "k": Parameter(value="1", unit="N m-1", meaning="stiffness of the well"),
-        "b": Parameter(value="0.1", unit="N m-3", meaning="strength of the quartic term"),
+        "k": Parameter(value=1, unit="N m-1", meaning="stiffness of the well"),
+        "b": Parameter(value=0.1, unit="N m-3", meaning="strength of the quartic term"),
     },
     units={"q": "m", "p": "kg m s-1", "t": "s", "energy": "J"},
     # Every result has the drift of these, besides the energy error. Delete the line if there are none.
