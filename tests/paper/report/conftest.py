@@ -42,8 +42,8 @@ FLAGS = (
     "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking",
     "--disable-component-update", "--disable-sync",
 )  # fmt: skip
-#: Two frames later what was changed is drawn.
-DRAWN = "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
+#: Two frames later what was changed is drawn. Without a display, chromium may skip frames.
+DRAWN = "() => new Promise((done) => (requestAnimationFrame(() => requestAnimationFrame(done)), setTimeout(done, 2000)))"
 
 #: Functions that the tests call in the page.
 HELPERS = """() => {
