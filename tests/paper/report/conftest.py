@@ -43,7 +43,7 @@ FLAGS = (
     "--disable-component-update", "--disable-sync",
 )  # fmt: skip
 #: Two frames later what was changed is drawn. Without a display, chromium may skip frames.
-DRAWN = "() => new Promise((done) => (requestAnimationFrame(() => requestAnimationFrame(done)), setTimeout(done, 2000)))"
+DRAWN = "() => new Promise((go) => (requestAnimationFrame(() => requestAnimationFrame(go)), setTimeout(go, 2000)))"
 
 #: Functions that the tests call in the page.
 HELPERS = """() => {
