@@ -408,7 +408,7 @@ def _title_of(kind: str, first: xr.Dataset, asked: object = None) -> str:
 
 
 def _draw_curve(axes: Axes, one: xr.Dataset, pair: Pair, line: Mapping[str, Any]) -> None:
-    """Draw a trajectory from a dot on. Smooth curves join coarse samples, which are points for unknown formulas."""
+    """Draw a trajectory from a dot on: smooth between coarse samples, or as points if its formulas are unknown."""
     x, y = columns = [_column(one, quantity) for quantity in pair]
     turn = _largest_turn(x, y)
     smooth = _smooth(one, pair) if turn > COARSE else None
@@ -527,7 +527,7 @@ def _pictures(given: Sequence[xr.Dataset], frames: int, title: str | None) -> li
 
 
 def truncator(figure: Figure, given: Sequence[xr.Dataset]) -> Callable[[float], None]:
-    """Put the orbit of a plot of ``given`` above the energy error, and return a function that cuts both at a share."""
+    """Put the orbit above the energy error; return a function that cuts the runs ``given`` at a share of the time."""
     energy, orbit = figure.axes
     upper, lower = energy.get_position(), orbit.get_position()
     energy.set_position((lower.x0, lower.y0, upper.width, upper.height))

@@ -135,7 +135,7 @@ def thumbnail(png: Path) -> str:
 
 
 def on_page(figure: str) -> dict[str, bytes]:
-    """Return the SVG file ``figure`` as ``picture``: in the dark, clear, with its lightness turned over."""
+    """Return the SVG file ``figure`` as ``picture``, with inverted lightness and no background in the dark."""
     svg = Path(figure).read_text(encoding="utf-8").replace('<g id="patch_1">', '<g class="paper">', 1)
     return {"picture": (shorter(svg).replace("</style>", f"{_DARK}</style>", 1) + "\n").encode()}
 
